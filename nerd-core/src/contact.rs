@@ -157,8 +157,14 @@ impl Locus {
                 middle - (up * cos + axis.cross(&up) * sin) * *radius
             }
             Self::Hull { vertices, .. } => {
-                let deepest = vertices.iter().min_by(|a, b| normal.dot(a).total_cmp(&normal.dot(b)));
-                deepest.copied().unwrap_or(*middle)
+                let (mut least, mut deepest) = (f64::INFINITY, middle);
+                for vertex in vertices.iter() {
+                    let height = normal.dot(vertex);
+                    if height < least {
+                        (least, deepest) = (height, vertex);
+                    }
+                }
+                *deepest
             }
         }
     }

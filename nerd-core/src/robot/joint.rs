@@ -53,8 +53,8 @@ pub struct Joint {
     pub name: String,
     /// How it moves.
     pub kind: JointKind,
-    /// What it follows, if it does not move by itself. Its own limit, spring, damping and friction then have no effect: reading a URDF adds
-    /// the latter two to the joint that it follows.
+    /// What it follows, if it does not move by itself. Its own limit, spring, damping and friction then have no effect: reading a URDF
+    /// narrows the limit of the joint that it follows, and adds the latter two to that.
     pub(super) mimic: Option<Mimic>,
     /// Position limit, if any.
     pub limit: Option<Limit>,

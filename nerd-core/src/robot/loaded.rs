@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use nalgebra::{Isometry3, Vector3};
 
-use super::Robot;
+use super::{Robot, Shape};
 
 /// What a URDF's text holds.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,11 +17,13 @@ pub struct UrdfRobot {
     pub meshes: Vec<MeshFile>,
     /// Those that were read.
     pub hulls: Vec<Hull>,
+    /// Collision shapes of a fixed base, in its frame; the robot has none of them.
+    pub base: Vec<Shape>,
 }
 
 impl From<Robot> for UrdfRobot {
     fn from(robot: Robot) -> Self {
-        Self { robot, notes: Vec::new(), meshes: Vec::new(), hulls: Vec::new() }
+        Self { robot, notes: Vec::new(), meshes: Vec::new(), hulls: Vec::new(), base: Vec::new() }
     }
 }
 

@@ -33,13 +33,27 @@ pub(super) fn lump(source: &urdf_rs::Link, pose: &Isometry3<f64>, host: usize, r
     if !sum.com.iter().chain(sum.inertia.iter()).chain([&sum.mass]).all(|x| x.abs() < LARGEST) {
         return Err(wrong("mass, inertia or place is too large to compute with".into()));
     }
+    shapes(source, pose, Some(host), read)
+}
+
+/// Hangs the shapes of a link of the file, at `pose` in moving link `host`, on it; on the base, where there is none.
+pub(super) fn shapes(source: &urdf_rs::Link, pose: &Isometry3<f64>, host: Option<usize>, read: &mut UrdfRobot) -> Result<(), UrdfError> {
+    let wrong = |reason: String| UrdfError::link(&source.name, reason);
     for collision in &source.collision {
         let pose = pose * isometry(&collision.origin).ok_or_else(|| wrong("collision origin is not finite, or too far".into()))?;
         match shape(&collision.geometry) {
             // Engines assert on -0.
-            Some(kind) if sizes(&kind).iter().all(|x| x.is_sign_positive() && *x <= FAR) => target.shapes.push(Shape { pose, kind }),
+            Some(kind) if sizes(&kind).iter().all(|x| x.is_sign_positive() && *x <= FAR) => {
+                let shapes = host.map_or(&mut read.base, |host| &mut read.robot.links[host].shapes);
+                shapes.push(Shape { pose, kind });
+            }
             Some(_) => return Err(wrong("a collision shape has a negative size, or one that is not finite or absurd".into())),
-            None => read.meshes.extend(mesh(&collision.geometry, host, &source.name, pose)),
+            None => match (mesh(&collision.geometry, host.unwrap_or_default(), &source.name, pose), host) {
+                (Some(mesh), None) => {
+                    read.notes.push(format!("link `{}`: mesh {} is on the fixed base; nothing touches it", mesh.of, mesh.file))
+                }
+                (mesh, _) => read.meshes.extend(mesh),
+            },
         }
     }
     Ok(())
@@ -53,8 +67,17 @@ fn indefinite(inertia: &Matrix3<f64>) -> Option<f64> {
     (least < -1e-9).then_some(least * scale)
 }
 
-/// Refuses moving links whose inertia, all fixed ones included, is none that a body can have.
-pub(super) fn sound(robot: &Robot) -> Result<(), UrdfError> {
+/// Refuses moving links whose inertia, all fixed ones included, is not positive; notes those whose largest principal moment is more than the
+/// other two together, which no body has.
+pub(super) fn sound(robot: &Robot, notes: &mut Vec<String>) -> Result<(), UrdfError> {
+    let odd = |link: &&Link| {
+        let moments = link.inertia.inertia.symmetric_eigenvalues();
+        2.0 * moments.max() > (1.0 + 1e-3) * moments.sum()
+    };
+    let odd: Vec<&str> = robot.links.iter().filter(odd).map(|link| link.name.as_str()).collect();
+    if !odd.is_empty() {
+        notes.push(format!("no body has the inertia of {}: one principal moment is larger than the other two together", odd.join(", ")));
+    }
     let bad = |link: &Link| indefinite(&link.inertia.inertia).map(|least| (link.name.clone(), least));
     match robot.links.iter().find_map(bad) {
         Some((name, least)) => {

@@ -4,6 +4,8 @@ use super::{Joint, Limit, Mimic, Robot, UrdfError, UrdfRobot};
 
 /// Farther than any turn of a joint.
 const ENDLESS: f64 = 1e9;
+/// By how much (rad or m) a limit is narrower than another, beyond rounding.
+const NARROWER: f64 = 1e-6;
 
 /// Makes joints of links follow what the file says, through joints that follow in turn. One that is to follow what is not in the file at
 /// all moves by itself, which is noted.
@@ -50,11 +52,22 @@ pub(super) fn follow(read: &mut UrdfRobot, file: &urdf_rs::Robot, mut followers:
     for (link, leader, multiplier, offset) in found {
         let coordinate = order.iter().position(|l| *l == leader).unwrap_or_default();
         robot.follow(link, Some(Mimic { coordinate, multiplier, offset }));
-        let Some((damping, friction)) = robot.links[link].joint.as_ref().map(|j| (j.damping, j.friction)) else { continue };
+        let Some(own) = robot.links[link].joint.clone() else { continue };
         let Some(leader) = robot.links[leader].joint.as_mut() else { continue };
-        leader.damping += multiplier * multiplier * damping;
-        leader.friction += multiplier.abs() * friction;
+        leader.damping += multiplier * multiplier * own.damping;
+        leader.friction += multiplier.abs() * own.friction;
         keep_turns(leader, multiplier);
+        let Some(limit) = own.limit.filter(|_| multiplier != 0.0) else { continue };
+        let [a, b] = [limit.lower, limit.upper].map(|end| (end - offset) / multiplier);
+        let [low, high] = leader.limit.map_or([-ENDLESS, ENDLESS], |limit| [limit.lower, limit.upper]);
+        let [lower, upper] = [a.min(b).max(low), a.max(b).min(high)];
+        if lower >= upper {
+            notes
+                .push(format!("joint `{}`: its limits leave no way to `{}`, which it follows, and are passed over", own.name, leader.name));
+        } else if lower > low + NARROWER || upper < high - NARROWER {
+            notes.push(format!("joint `{}`: `{}`, which follows it, keeps it within {lower:.4}..{upper:.4}", leader.name, own.name));
+            leader.limit = Some(Limit { lower, upper, stiffness: 0.0, damping: 0.0 });
+        }
     }
     Ok(())
 }

@@ -2,8 +2,8 @@
 //!
 //! Links come depth-first from the root, siblings in the order of the file's joints; the joints of `q` come in the
 //! order of their links. Fixed joints are lumped: inertia by the parallel-axis theorem, collision shapes with their
-//! pose. A fixed base drops the root link's own inertia and shapes (it is bolted to the world)
-//! and keeps fixed joints above the first moving ones as they are; the root of a floating robot is link 0. Links on fixed joints are
+//! pose. A fixed base drops the root link's own inertia (it is bolted to the world), hands out its shapes
+//! ([`UrdfRobot::base`]) and keeps fixed joints above the first moving ones as they are; the root of a floating robot is link 0. Links on fixed joints are
 //! kept as frames. A joint with `<mimic>` has no coordinate of its own; see [`super::Mimic`]. Planar joints: `planar.rs`. A floating
 //! joint makes the base free if it is the one joint of a root link that is nothing but a name (`world`).
 
@@ -12,7 +12,7 @@ use std::collections::{HashMap, HashSet};
 use nalgebra::Isometry3;
 use urdf_rs::JointType;
 
-use super::lump::{isometry, joint, lump, sound};
+use super::lump::{isometry, joint, lump, shapes, sound};
 use super::mimic::follow;
 use super::planar::{TURN, check_names, planar};
 use super::xml::prepared;
@@ -86,7 +86,7 @@ impl UrdfRobot {
         if read.robot.nv() == 0 {
             return Err(UrdfError::Still);
         }
-        sound(&read.robot)?;
+        sound(&read.robot, &mut read.notes)?;
         read.robot.contact_points = read.robot.default_contact_points();
         Ok(read)
     }
@@ -194,8 +194,9 @@ impl<'a> Tree<'a> {
             } else if host.is_none() || link != self.root {
                 read.robot.frames.push(FixedFrame { name: source.name.clone(), link: host, pose });
             }
-            if let Some(host) = host {
-                lump(source, &pose, host, read)?;
+            match host {
+                Some(host) => lump(source, &pose, host, read)?,
+                None => shapes(source, &pose, None, read)?,
             }
             for &(j, child) in self.children[link].iter().rev() {
                 let joint = &self.file.joints[j];

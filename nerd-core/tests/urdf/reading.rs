@@ -47,6 +47,24 @@ fn a_joint_that_carries_no_mass_is_a_frame_where_nothing_will_be_added() {
     assert_eq!(UrdfRobot::read_alone(ARM, Base::fixed()).expect("a robot"), read(ARM));
 }
 
+/// A follower's limits are its leader's, through `q_b = -2 q_a + 0.1`; where both leave no way, the leader's alone hold. An inertia that no
+/// body has is a note.
+#[test]
+fn a_follower_narrows_its_leader() {
+    let limited =
+        |ends: [f64; 2], more: &str| format!("<limit lower=\"{}\" upper=\"{}\" effort=\"9\" velocity=\"9\"/>{more}", ends[0], ends[1]);
+    for (own, ends) in [([-0.5, 0.7], [-0.3, 0.3]), ([-4.0, 4.0], [-1.0, 1.0]), ([5.0, 6.0], [-1.0, 1.0])] {
+        let follows = limited(own, r#"<mimic joint="ja" multiplier="-2" offset="0.1"/>"#);
+        let joints = [joint("ja", "revolute", "base", "a", &limited([-1.0, 1.0], "")), joint("jb", "revolute", "base", "b", &follows)];
+        let UrdfRobot { robot, notes, .. } = read(&urdf(&[&["base", "a", "b"].map(link)[..], &joints].concat()));
+        let limit = robot.joints().next().and_then(|j| j.limit).expect("it has limits");
+        assert!((limit.lower - ends[0]).abs() + (limit.upper - ends[1]).abs() < 1e-12, "{own:?}: {limit:?}");
+        assert_eq!(notes.iter().any(|n| n.contains("follows")), own != [-4.0, 4.0], "{notes:?}");
+    }
+    let thin = changed(ARM, r#"ixx=""#, r#"ixx="9"#);
+    assert!(read(&thin).notes.iter().any(|n| n.contains("no body has the inertia")), "{:?}", read(&thin).notes);
+}
+
 #[test]
 fn a_urdf_says_what_follows_what() {
     let text = |[b, c]: [&str; 2]| {

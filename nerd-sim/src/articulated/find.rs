@@ -23,6 +23,15 @@ impl Workspace {
         for (owner, event) in self.owners.iter().zip(&self.events) {
             let (point, n) = (&robot.contact_points[*owner], event.normal);
             let rotation = &data.rotation[point.link];
+            let reach = point.reach();
+            if reach > 0.0 {
+                // Wherever on its link it lies, it does not come down.
+                let (middle, twist) = (data.position[point.link] + rotation * point.local, &data.velocity[point.link]);
+                let speed = twist.at(&middle).norm() + twist.ang.norm() * reach;
+                if n.dot(&(middle - (event.p1 - data.origin))) - reach - point.radius > 0.5 * h * speed {
+                    continue;
+                }
+            }
             let x = data.position[point.link] + rotation * point.facing(rotation, &n) - n * point.radius;
             let velocity = data.velocity[point.link].at(&x);
             let Some((part, gap)) = inside(n.dot(&(x - (event.p1 - data.origin))), 0.5 * h * n.dot(&velocity)) else { continue };

@@ -63,7 +63,8 @@ impl Workspace {
             // It is looked at wherever it is, by every point in turn.
             for point in &robot.contact_points {
                 let middle = point_position(&self.data, point.link, &point.local);
-                let event = only.meets(point, &self.data, &middle);
+                // Of a plane its normal is all that is asked for.
+                let event = if only.plane.is_some() { only.query(&middle) } else { only.meets(point, &self.data, &middle) };
                 lost |= event.distance.is_nan();
                 self.events.push(event);
             }

@@ -1,8 +1,9 @@
 //! Static bodies as parry shapes, the same for every solver, the learned one included. A plane is solved in closed form, never as a mesh.
 
-use nalgebra::{Isometry3, Quaternion, Vector3};
+use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
 use nerd_core::contact::{ContactEvent, ContactPoint, Locus};
 use nerd_core::dynamics::{Data, point_position};
+use nerd_core::robot::{Shape, ShapeKind};
 use parry3d_f64::math::{Pose, Rotation, Vector as ParryVector};
 use parry3d_f64::shape::SharedShape;
 
@@ -42,6 +43,21 @@ impl Collider {
         let pose = Isometry3::translation(plane.normal.x * plane.offset, plane.normal.y * plane.offset, plane.normal.z * plane.offset);
         let ball = (Vector3::zeros(), f64::INFINITY);
         Self { shape: SharedShape::halfspace(to_parry(&plane.normal)), pose, material, plane: Some(plane), ball }
+    }
+
+    /// A shape of a body at `at`.
+    pub(crate) fn shaped(Shape { pose, kind }: &Shape, at: &Isometry3<f64>, material: Material) -> Self {
+        let shape = match *kind {
+            ShapeKind::Sphere { radius } => SharedShape::ball(radius),
+            ShapeKind::Box { half } => SharedShape::cuboid(half.x, half.y, half.z),
+            // Parry's cylinders lie along y.
+            ShapeKind::Cylinder { radius, half_length } => {
+                let along = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);
+                return Self::new(SharedShape::cylinder(half_length, radius), at * pose * along, material);
+            }
+            ShapeKind::Capsule { radius, half_length } => SharedShape::capsule_z(half_length, radius),
+        };
+        Self::new(shape, at * pose, material)
     }
 
     /// Any other parry shape.
@@ -99,7 +115,10 @@ impl Collider {
     #[inline(always)]
     pub(crate) fn beyond(&self, p0: &Vector3<f64>, reach: f64) -> bool {
         let (centre, radius) = self.ball;
-        self.plane.is_none() && (p0 - (self.pose.rotation * centre + self.pose.translation.vector)).norm() - radius >= reach
+        match &self.plane {
+            Some(plane) => plane.normal.dot(p0) - plane.offset >= reach,
+            None => (p0 - (self.pose.rotation * centre + self.pose.translation.vector)).norm() - radius >= reach,
+        }
     }
 
     /// Nearest point and outward normal of the surface for the world point `p0`.

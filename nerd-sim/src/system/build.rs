@@ -17,7 +17,10 @@ use crate::random::stream;
 impl System {
     /// From a robot and an unchecked specification.
     pub(crate) fn new(name: &str, read: impl Into<UrdfRobot>, mut spec: Spec, source: Source) -> Result<Self, SystemError> {
-        let UrdfRobot { mut robot, notes, meshes, hulls } = read.into();
+        let UrdfRobot { mut robot, notes, meshes, hulls, mut base } = read.into();
+        if source != Source::Derived || spec.floating {
+            base.clear();
+        }
         let wrong = |text: String| SystemError::Spec(name.into(), text);
         name_columns(&robot, &mut spec);
         check(&spec, &robot).map_err(wrong)?;
@@ -38,7 +41,8 @@ impl System {
         let stand_in = |name: &String| robot.link(spec.mass_matrix_of.get(name).unwrap_or(name)).unwrap_or_default();
         let stand_ins = robot.links.iter().filter(|_| !spec.mass_matrix_of.is_empty()).map(|l| stand_in(&l.name)).collect();
         let frame_time = spec.seconds();
-        let mut system = Self { name: name.into(), robot, frame_time, spec, source, notes, meshes, stand_ins, folds: Folds::default() };
+        let folds = Folds::default();
+        let mut system = Self { name: name.into(), robot, frame_time, spec, source, notes, meshes, base, stand_ins, folds };
         if system.spec.self_collision {
             let (folds, note) = Folds::new(&system.robot, &hulls, &system.default_state()[..system.robot.nq()]);
             system.folds = folds;

@@ -45,7 +45,8 @@ impl System {
         for joint in spec["joint"].as_array_mut().into_iter().flatten().filter_map(Value::as_object_mut) {
             joint.retain(|key, _| !["column", "armature", "limit", "stiffness", "rest"].contains(&key.as_str()));
         }
-        sha256(&json!([self.motion(), spec]))
+        let base = self.base.iter().map(shape).collect::<Vec<_>>();
+        sha256(&if base.is_empty() { json!([self.motion(), spec]) } else { json!([self.motion(), spec, base]) })
     }
 
     fn motion(&self) -> Value {

@@ -85,15 +85,17 @@ impl System {
         let read = match own.get("floating").and_then(toml::Value::as_bool) {
             Some(floating) => read(floating),
             // Where one base cannot be had, the other is what the file asks for.
-            None => match (read(true), read(false)) {
-                (Ok(free), Ok(fixed)) => Ok(if floats(&free.robot) { free } else { fixed }),
-                (Ok(free), Err(_)) => Ok(free),
-                (Err(cause), Ok(mut fixed)) => {
-                    fixed.notes.push(format!("its base is taken as fixed, since a free one cannot be: {cause}"));
-                    Ok(fixed)
-                }
-                (Err(cause), Err(UrdfError::Still)) => Err(cause),
-                (Err(_), Err(error)) => Err(error),
+            None => match read(true) {
+                Ok(free) if floats(&free.robot) => Ok(free),
+                Ok(free) => Ok(read(false).unwrap_or(free)),
+                Err(cause) => match read(false) {
+                    Ok(mut fixed) => {
+                        fixed.notes.push(format!("its base is taken as fixed, since a free one cannot be: {cause}"));
+                        Ok(fixed)
+                    }
+                    Err(UrdfError::Still) => Err(cause),
+                    Err(error) => Err(error),
+                },
             },
         };
         let mut read = read.map_err(|e| SystemError::Urdf(name.into(), e))?;
@@ -103,7 +105,7 @@ impl System {
         let joints = own.get("joint").and_then(toml::Value::as_array).into_iter().flatten();
         let default = |joint: &toml::Value| Some((joint.get("name")?.as_str()?.to_string(), joint.get("default")?.as_float()?));
         let defaults = joints.filter_map(default).collect();
-        let spec = derived(&mut read, path, &defaults).over(own).map_err(|e| SystemError::spec(name, e))?;
+        let spec = derived(&mut read, path, &defaults, !own.contains_key("contact")).over(own).map_err(|e| SystemError::spec(name, e))?;
         Self::new(name, read, spec, Source::Derived)
     }
 
@@ -131,6 +133,7 @@ impl System {
     pub fn bare_at(name: &str, urdf: &str, floating: bool, path: Option<&Path>) -> Result<Self, SystemError> {
         let mut read = UrdfRobot::read_alone(urdf, base(floating)).map_err(|e| SystemError::Urdf(name.into(), e))?;
         let spec = plain(&read.robot);
+        read.base.clear();
         touch(&mut read, path, spec.mesh_points);
         Self::new(name, read, spec, Source::Derived)
     }

@@ -4,14 +4,14 @@ use std::sync::Arc;
 
 use nalgebra::Vector3;
 use nerd_core::dynamics::Data;
-use nerd_core::robot::{Link, MeshFile, Robot, UrdfError};
+use nerd_core::robot::{Base, Link, MeshFile, Robot, Shape, UrdfError};
 use toml::Table;
 
 use super::built_in::{BUILT_IN, CABLES, FOREIGN};
 use super::folds::Folds;
 use super::spec::{JointSpec, Spec};
 use crate::files::FileError;
-use crate::scene::{Scene, WORLDS, described, world};
+use crate::scene::{Collider, Scene, WORLDS, described, world};
 
 /// Why a system could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -89,6 +89,8 @@ pub struct System {
     pub notes: Vec<String>,
     /// Collision meshes that nothing is touched with.
     pub meshes: Vec<MeshFile>,
+    /// Shapes of a fixed base, in its frame, which are part of every scene but `free`.
+    pub base: Vec<Shape>,
     /// For each link, the link whose inertia moves in its place in the mass matrix; empty but for a simulator's slip imitated.
     pub(crate) stand_ins: Vec<usize>,
     /// What of it may touch itself.
@@ -183,7 +185,8 @@ impl System {
 
     /// Names of the robot's own scenes; beside them it has [`WORLDS`], if it has contact points.
     pub fn scene_names(&self) -> Vec<&str> {
-        std::iter::once("free").chain(self.spec.scenes.iter().map(|s| s.name.as_str())).collect()
+        let base = (!self.base.is_empty()).then_some("base");
+        std::iter::once("free").chain(base).chain(self.spec.scenes.iter().map(|s| s.name.as_str())).collect()
     }
 
     /// Scenes that motion is judged in: that of the training data if it is one, else all of the robot's.
@@ -191,19 +194,23 @@ impl System {
         self.spec.data_scene.as_deref().map_or_else(|| self.scene_names(), |scene| vec![scene])
     }
 
-    /// A scene by name: `free` is empty space, then the robot's own, then [`WORLDS`] of the robot's material.
+    /// A scene by name: `free` is empty space, `base` the fixed base of a robot whose file gives it shapes, then the robot's own, then [`WORLDS`] of the robot's material.
     pub fn scene(&self, name: &str) -> Result<Arc<Scene>, SystemError> {
         let (gravity, material, touches) = (self.gravity(), self.spec.material, !self.robot.contact_points.is_empty());
         let scene = match self.spec.scenes.iter().find(|s| s.name == name) {
             Some(spec) => Some(described(spec, &gravity, material)),
-            None if name == "free" => Some(Scene::free(gravity)),
+            None if name == "free" => return Ok(Arc::new(Scene::free(gravity))),
+            None if name == "base" && !self.base.is_empty() => Some(Scene { name: name.into(), ..Scene::free(gravity) }),
             None => world(name, &gravity, material).filter(|_| touches),
         };
-        let Some(scene) = scene else {
+        let Some(mut scene) = scene else {
             let known = self.scene_names().into_iter().chain(WORLDS.into_iter().filter(|_| touches)).collect::<Vec<_>>().join(", ");
             let why = if touches { "" } else { ", since it has nothing to touch with; give it [[contact]] points" };
             return Err(SystemError::Scene(self.name.clone(), name.into(), known + why));
         };
+        if let Base::Fixed(at) = &self.robot.base {
+            scene.colliders.extend(self.base.iter().map(|shape| Collider::shaped(shape, at, material)));
+        }
         scene.check().map_err(|e| SystemError::Spec(self.name.clone(), e))?;
         Ok(Arc::new(scene))
     }

@@ -62,7 +62,7 @@ pub struct Spec {
     /// By link, the link whose inertia replaces its own in the mass matrix; see [`nerd_core::robot::Robot`].
     #[serde(default)]
     pub mass_matrix_of: BTreeMap<String, String>,
-    /// Contact points of each collision mesh; 0 skips meshes.
+    /// Most contact points of a link's collision meshes; 0 skips meshes.
     #[serde(default = "mesh_points")]
     pub mesh_points: usize,
     /// Whether links of the robot touch each other. Left out are a link with the one that it hangs on, and pairs that touch in the default

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 
-use nerd_core::dynamics::Data;
+use nerd_core::dynamics::{Data, kinematics, point_position};
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
 use nerd_sim::scene::contacts;
@@ -157,5 +157,46 @@ fn what_stands_keeps_its_feet() {
         let height = end(&mut Articulated::new(ArticulatedConfig::accurate(&system)), at(&system, "plane", &state), 0.0, 60)[2];
         println!("wheels turned by {turn} rad: the car is at {height:.4} m");
         assert!((height - 0.15).abs() < 0.01, "wheels turned by {turn} rad: the car is at {height} m, not 0.15");
+    }
+}
+
+/// A cylinder as a robot, from a coin to a column: some start is clear of the ground.
+#[test]
+fn a_cylinder_alone_is_a_robot() {
+    for length in [0.005, 0.1, 0.12, 0.15, 1.0] {
+        let shape = collision([0.0; 3], &format!("<cylinder radius=\"0.05\" length=\"{length}\"/>"));
+        let system = read(&urdf(&[link("can", 0.3, [0.0; 3], [5.5e-4, 5.5e-4, 3.75e-4], &shape)]), None).expect("a can");
+        assert!((system.default_state()[2] - 0.5 * length).abs() < 1e-4, "stands at {} m", system.default_state()[2]);
+    }
+}
+
+/// An arm on a table that is its root falls on it: the tool's lowest corner rests on the table, whichever side of it is down.
+#[test]
+fn the_tool_of_an_arm_rests_on_the_table_that_it_is_mounted_on() {
+    let mut parts = vec![block("table", 20.0, [1.6, 1.6, 0.05], [0.0, 0.0, -0.025])];
+    for (k, size) in [[0.12, 0.12, 0.1], [0.06, 0.06, 0.4], [0.06, 0.06, 0.3], [0.2, 0.04, 0.1]].into_iter().enumerate() {
+        let [above, own] = [k, k + 1].map(|k| if k == 0 { "table".into() } else { format!("link{k}") });
+        parts.push(block(&own, 1.0, size, [0.0, 0.0, 0.5 * size[2]]));
+        let place = [0.0, 0.0, [0.0, 0.1, 0.4, 0.3][k]];
+        let axis = if k == 0 { "0 0 1" } else { "0 1 0" };
+        parts.push(
+            hinge(&format!("joint{k}"), [&above, &own], place, 50.0).replace("0 1 0", axis).replace("-1\" upper=\"0.8", "-2\" upper=\"2"),
+        );
+    }
+    let system = read(&urdf(&parts), None).expect("an arm");
+    assert!(system.notes.iter().any(|n| n.contains("base are part of every scene")), "{:?}", system.notes);
+    let mut data = Data::new(&system.robot);
+    for (turn, lean) in [(0.3, 0.5), (-1.0, -0.4)] {
+        let mut state = system.default_state();
+        (state[0], state[1], state[3]) = (turn, lean, lean);
+        let mut batch = at(&system, "base", &state);
+        batch.drives = nerd_sim::drive::holding(&system, &state);
+        batch.drives.iter_mut().for_each(|drive| (drive.kp, drive.kd) = (0.0, 2.0));
+        let last = end(&mut Articulated::new(ArticulatedConfig::accurate(&system)), batch, 0.0, 600);
+        kinematics(&system.robot, &last, &mut data);
+        let corners = (0..8).map(|c| Vector3::new([-0.1, 0.1][c & 1], [-0.02, 0.02][c >> 1 & 1], [0.0, 0.1][c >> 2]));
+        let lowest = corners.map(|corner| point_position(&data, 3, &corner).z).fold(f64::MAX, f64::min);
+        println!("leaning by {lean} rad: the tool is {:.2} mm over the table", 1e3 * lowest);
+        assert!(lowest.abs() < 1e-3, "leaning by {lean} rad: the tool is {lowest} m over the table");
     }
 }

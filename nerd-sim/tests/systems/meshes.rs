@@ -1,8 +1,14 @@
 //! Robots that are described by meshes touch the ground with them.
 
+use std::f64::consts::TAU;
 use std::path::Path;
 
+use nerd_core::contact::Locus;
+use nerd_core::dynamics::{Data, kinematics, point_position};
 use nerd_sim::prelude::*;
+use nerd_sim::sampling::{normal, stream};
+use nerd_sim::scene::foot;
+use rand::RngExt;
 
 use super::common::*;
 
@@ -203,7 +209,12 @@ fn a_mesh_that_cannot_be_read_is_passed_over_and_said() {
     };
     assert!(said().contains("brick.stl: is not there"), "{}", said());
     let mesh = folder.path().join("bricks/meshes/brick.stl");
-    for (bytes, what) in [(b"no mesh".to_vec(), "brick.stl"), (Vec::new(), "brick.stl"), (stl([f32::NAN; 3], ""), "not finite")] {
+    for (bytes, what) in [
+        (b"no mesh".to_vec(), "brick.stl"),
+        (Vec::new(), "brick.stl"),
+        (stl([f32::NAN; 3], ""), "not finite"),
+        (stl([0.0; 3], ""), "no size"),
+    ] {
         std::fs::write(&mesh, bytes).expect("a file");
         let said = said();
         assert!(said.contains(what) && said.contains("nothing touches it") && !said.contains('\n'), "{said}");
@@ -214,4 +225,80 @@ fn a_mesh_that_cannot_be_read_is_passed_over_and_said() {
     let text = std::fs::read_to_string(&toml).expect("a TOML");
     std::fs::write(&toml, format!("mesh_points = 0\n{text}")).expect("a file");
     assert!(System::named(&name).expect("a robot").robot.contact_points.is_empty());
+}
+
+/// In any attitude the lowest place of a robot of many vertices, balls and wheels is one of its few contact points, within 2 mm.
+#[test]
+fn the_lowest_place_is_a_contact_point_in_every_attitude() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut rng = stream(3, 0);
+    let mut ball = |count: usize, half: [f64; 3]| -> Vec<Vector3<f64>> {
+        let one = |_| Vector3::from_fn(|_, _| normal(&mut rng)).normalize().component_mul(&Vector3::from(half));
+        (0..count).map(one).collect()
+    };
+    // An egg as a trunk; shins that narrow to a ball, with a capsule hidden in them; a sole; two tyres.
+    let sides = (0..120).map(|k| (f64::from(k) * TAU / 120.0).sin_cos());
+    let profile = [[-0.02, 0.085], [-0.01, 0.1], [0.01, 0.1], [0.02, 0.085]];
+    let tyre = sides.flat_map(|(sin, cos)| profile.map(|[y, r]| Vector3::new(r * cos, y, r * sin))).collect();
+    let meshes = [
+        ("trunk", ball(500, [0.3, 0.15, 0.1])),
+        ("shin", ball(200, [0.03, 0.02, 0.2])),
+        ("sole", ball(100, [0.1, 0.05, 0.01])),
+        ("tyre", tyre),
+    ];
+    for (name, vertices) in &meshes {
+        let text: String = vertices.iter().map(|v| format!("v {} {} {}\n", v.x, v.y, v.z)).collect();
+        std::fs::write(folder.path().join(format!("{name}.obj")), text).expect("a file");
+    }
+    let mesh = |name: &str| collision([0.0; 3], &format!(r#"<mesh filename="{name}.obj"/>"#));
+    let (foot_at, foot_radius) = ([0.0, 0.0, -0.22], 0.03);
+    let ends = collision(foot_at, r#"<sphere radius="0.03"/>"#) + &collision([0.0; 3], r#"<capsule radius="0.01" length="0.1"/>"#);
+    let mut parts = vec![link("trunk", 5.0, [0.0; 3], [0.1; 3], &mesh("trunk"))];
+    for (k, (name, more, kind)) in [
+        ("shin", ends.as_str(), "revolute"),
+        ("shin", &ends, "revolute"),
+        ("sole", "", "revolute"),
+        ("tyre", "", "continuous"),
+        ("tyre", "", "continuous"),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let own = format!("{name}{k}");
+        parts.push(link(&own, 0.5, [0.0; 3], [0.01; 3], &(mesh(name) + more)));
+        let inner = format!(
+            r#"<origin xyz="{} 0.2 -0.1"/><axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="9" velocity="9"/>"#,
+            0.2 * k as f64 - 0.4
+        );
+        parts.push(joint(&format!("joint{k}"), kind, ["trunk", &own], &inner));
+    }
+    let path = folder.path().join("robot.urdf");
+    std::fs::write(&path, urdf(&parts)).expect("a file");
+    let system = System::named(&path.to_string_lossy()).expect("a robot");
+    let (robot, mut data) = (&system.robot, Data::new(&system.robot));
+    let of = |link: usize| robot.contact_points.iter().filter(move |p| p.link == link);
+    assert!(of(1).filter(|p| p.radius > 1e-3).map(|p| p.radius).eq([foot_radius]), "the foot is a ball, and the capsule is hidden");
+    assert!(of(4).filter(|p| matches!(p.locus, Locus::Rim { .. })).count() >= 6, "a tyre rolls");
+    let mut worst: f64 = 0.0;
+    for k in 0..51 {
+        let mut state = system.default_state();
+        if k > 0 {
+            let turn = nalgebra::Vector4::from_fn(|_, _| normal(&mut rng)).normalize();
+            state[3..7].copy_from_slice(turn.as_slice());
+            state[7..12].iter_mut().for_each(|q| *q = rng.random_range(-1.0..1.0));
+        }
+        kinematics(robot, &state, &mut data);
+        let mut lowest = f64::INFINITY;
+        for (link, name) in robot.links.iter().map(|l| l.name.trim_end_matches(char::is_numeric)).enumerate() {
+            let vertices = meshes.iter().find(|(mesh, _)| *mesh == name).map(|(_, vertices)| vertices);
+            let deepest = vertices.into_iter().flatten().map(|v| point_position(&data, link, v).z).fold(f64::INFINITY, f64::min);
+            let ball = if name == "shin" { point_position(&data, link, &foot_at.into()).z - foot_radius } else { f64::INFINITY };
+            lowest = lowest.min(deepest).min(ball);
+        }
+        let found = robot.contact_points.iter().map(|p| foot(p, &data, &Vector3::z())).fold(f64::INFINITY, f64::min);
+        worst = worst.max((found - lowest).abs());
+    }
+    println!("{} contact points: {:.2} mm from the lowest of all vertices at most", robot.contact_points.len(), 1e3 * worst);
+    assert!(worst < 2e-3, "the lowest contact point is {worst} m from the lowest place");
+    assert!(robot.contact_points.len() < 60, "{} contact points", robot.contact_points.len());
 }

@@ -6,10 +6,11 @@ use std::f64::consts::PI;
 use std::path::Path;
 
 use nalgebra::Vector3;
-use nerd_core::contact::ContactPoint;
+use nerd_core::contact::{ContactPoint, Locus};
 use nerd_core::dynamics::{Data, bias, crba, kinematics, point_position};
 use nerd_core::robot::{Joint, JointKind, Robot, UrdfRobot};
 
+use super::base::settle;
 use super::limits::pose;
 use super::plain::{between, listed, plain, rounded};
 use super::spread::enough;
@@ -18,7 +19,7 @@ use crate::range::Range;
 use crate::scene::{GRAVITY, Material, foot};
 use crate::system::spec::{ControlSpec, JointSpec, RandomGains, RandomPlane, RootSpec, RootStart, Spec, StartSpec};
 
-/// Share of the robot's extent by which its weight presses its contacts in, borne by four of them.
+/// Share of the robot's extent by which its weight presses its contacts in, borne by four of them; by one, if its base is fixed.
 const GIVE: f64 = 1e-3;
 /// Speed (m/s) at which a contact creeps that a fifth of the weight pushes aside.
 const CREEP: f64 = 1e-3;
@@ -32,7 +33,7 @@ const START: f64 = 0.01;
 const HIGHER: f64 = 0.2;
 /// Share of a robot's height by which a leg reaches lower than what it hangs on.
 const LEG: f64 = 0.2;
-/// Contact points that are all kept: of more, those that are enough to stand and fall on.
+/// Contact points that are all kept: in place of more come few, on which it stands and falls as on all.
 const MOST: usize = 24;
 /// Largest velocity at starts (rad/s or m/s), where the URDF allows more.
 const FAST: f64 = 3.0;
@@ -73,9 +74,10 @@ pub(crate) fn floats(robot: &Robot) -> bool {
     robot.joint_count() == 0 || legs(0, 1e-6) >= 2 || (1..n).any(|body| legs(body, LEG * height) >= 2)
 }
 
-/// The specification of a robot of which only the URDF is known; `path` is the file's, `defaults` are given positions of joints.
-pub(crate) fn derived(read: &mut UrdfRobot, path: Option<&Path>, defaults: &BTreeMap<String, f64>) -> Spec {
-    let UrdfRobot { robot, notes, .. } = read;
+/// The specification of a robot of which only the URDF is known; `path` is the file's, `defaults` are given positions of joints, and contact
+/// points are to `choose` if none are given.
+pub(crate) fn derived(read: &mut UrdfRobot, path: Option<&Path>, defaults: &BTreeMap<String, f64>, choose: bool) -> Spec {
+    let UrdfRobot { robot, notes, base, .. } = read;
     let (mut state, pose) = pose_of(robot, path);
     let coords = robot.root_coords();
     for (q, joint) in state[coords..].iter_mut().zip(robot.joints()) {
@@ -85,7 +87,10 @@ pub(crate) fn derived(read: &mut UrdfRobot, path: Option<&Path>, defaults: &BTre
     kinematics(robot, &state, &mut data);
     let touches = !robot.contact_points.is_empty();
     if touches {
-        keep(robot, &state, notes);
+        *base = settle(robot, std::mem::take(base), &state, notes);
+        if choose {
+            keep(robot, &state, notes);
+        }
     } else if robot.floating() {
         notes.push("it has nothing to touch with, and falls for ever; give its links collision shapes, or [[contact]] in a .toml".into());
     }
@@ -124,7 +129,7 @@ pub(crate) fn derived(read: &mut UrdfRobot, path: Option<&Path>, defaults: &BTre
     Spec {
         floating,
         substeps: 8,
-        material: if touches { material(weight, extent) } else { Material::default() },
+        material: if touches { material(weight, extent, if floating { 4.0 } else { 1.0 }) } else { Material::default() },
         random_plane: (touches && !floating).then_some(RandomPlane { reach: rounded(extent), clearance: rounded(0.01 * extent) }),
         data_scene: (touches && floating).then(|| "plane".into()),
         control: driven.then_some(control),
@@ -141,21 +146,30 @@ pub(crate) fn stiffness(weight: f64, extent: f64, slides: bool) -> f64 {
     if slides { 20.0 * weight / extent } else { weight * extent }
 }
 
-/// Keeps few of the robot's contact points, if they are many.
+/// Few contact points in place of the robot's, if they are many.
 fn keep(robot: &mut Robot, state: &[f64], notes: &mut Vec<String>) {
-    let all = robot.contact_points.len();
-    if all > MOST {
-        robot.contact_points = enough(robot, state).into_iter().map(|k| robot.contact_points[k].clone()).collect();
-        notes.push(format!("{} of its {all} contact points are kept; [[contact]] in a .toml names others", robot.contact_points.len()));
+    if robot.contact_points.len() <= MOST {
+        return;
     }
+    let (kept, losses) = enough(robot, state);
+    let vertices: usize = kept.iter().filter(|p| matches!(p.locus, Locus::Hull { .. })).map(|p| p.places().len()).sum();
+    let deeper = robot.links.iter().zip(losses).filter(|(_, loss)| *loss > 5e-5);
+    let deeper = deeper.map(|(link, loss)| format!("{} {:.1}", link.name, 1e3 * loss)).collect::<Vec<_>>().join(", ");
+    notes.push(format!(
+        "{} contact points, some at the deepest of {vertices} vertices in all; by link, how deep (mm) the ground reaches into its shapes: {}; \
+         [[contact]] in a .toml names others",
+        kept.len(),
+        if deeper.is_empty() { "none" } else { &deeper }
+    ));
+    robot.contact_points = kept;
 }
 
-/// Contact that bears the weight on four points at a give of [`GIVE`], half critically damped, and holds against slip.
-fn material(weight: f64, extent: f64) -> Material {
-    let stiffness = weight / (4.0 * GIVE * extent);
+/// Contact that bears the weight on so many points at a give of [`GIVE`], half critically damped, and holds against slip.
+fn material(weight: f64, extent: f64, points: f64) -> Material {
+    let stiffness = weight / (points * GIVE * extent);
     Material {
         stiffness: rounded(stiffness),
-        damping: rounded((stiffness * weight / GRAVITY / 4.0).sqrt()),
+        damping: rounded((stiffness * weight / GRAVITY / points).sqrt()),
         friction_damping: rounded(0.2 * weight / CREEP),
         friction: FRICTION,
     }

@@ -1,40 +1,43 @@
-//! Collision meshes of a URDF's links: read, made convex (parry), and touched at some points of the hull that lie far from each other.
+//! Collision meshes of a URDF's links: read, made convex, and touched by few points, each the deepest of some vertices; by rims where they are
+//! wheels.
 //!
-//! Files are STL (crate mesh-loader), OBJ, COLLADA, glTF (crate gltf) or PLY (crate serde-ply). `package://NAME/PATH` is looked for in the folders above the URDF, as `NAME/PATH`,
-//! as `PATH` in one that is called NAME, and as `PATH`; then in those of the environment's `ROS_PACKAGE_PATH`. Every other path begins at
-//! the URDF. What cannot be read is passed over, and a note says why.
+//! Files are STL (crate mesh-loader), OBJ, COLLADA, glTF (crate gltf) or PLY (crate serde-ply). `package://NAME/PATH` is looked for in the
+//! folders above the URDF, as `NAME/PATH`, as `PATH` in one that is called NAME, and as `PATH`; then in those of the environment's
+//! `ROS_PACKAGE_PATH`. Every other path begins at the URDF. What cannot be read is passed over, and a note says why.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use nalgebra::Vector3;
-use nerd_core::contact::ContactPoint;
 use nerd_core::robot::{Hull, MeshFile, UrdfRobot};
-use parry3d_f64::transformation::try_convex_hull;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 use serde_ply::PlyReader;
 
 use super::file::{MOST, bytes_of};
-use super::spread::spread;
+use super::hull::{allowance, few, hull};
+use super::spread::{SHARP, endless, partition};
+use super::wheel::wheel;
 use super::{collada, gltf};
 
-/// Radius of a point (m).
-const SHARP: f64 = 1e-5;
+/// Share of the allowance within which a link's meshes reach as far as its file says.
+const FINE: f64 = 0.2;
 
-/// Gives a robot that was read from the URDF `path` at most `points` contact points for each of its collision meshes; none where no
-/// file is known.
+/// Gives a robot that was read from the URDF `path` at most `points` contact points for the collision meshes of each link; none where no
+/// file is known. Of a wheel they are its rims.
 pub fn touch(read: &mut UrdfRobot, path: Option<&Path>, points: usize) {
     let Some(path) = path.filter(|_| points > 0) else { return };
     // Where a link into the folder of packages was followed, the packages are where it leads.
     let path = std::fs::canonicalize(path).unwrap_or_else(|_| path.into());
-    let UrdfRobot { robot, notes, meshes, hulls } = read;
+    let UrdfRobot { robot, notes, meshes, hulls, .. } = read;
+    let mut pools = BTreeMap::<usize, Vec<Vector3<f64>>>::new();
     meshes.retain(|mesh| match vertices(mesh, &path) {
         Ok(vertices) => {
-            let hull = hull(&vertices);
-            let place = |k: usize| mesh.pose.transform_point(&hull[k].into()).coords;
-            hulls.push(Hull { link: mesh.link, vertices: (0..hull.len()).map(place).collect() });
-            robot.contact_points.extend(spread(&hull, points).into_iter().map(|k| ContactPoint::new(mesh.link, place(k), SHARP)));
+            let place = |v: Vector3<f64>| mesh.pose.transform_point(&v.into()).coords;
+            let hull: Arc<[_]> = hull(&vertices).0.into_iter().map(place).collect();
+            pools.entry(mesh.link).or_default().extend(hull.iter());
+            hulls.push(Hull { link: mesh.link, vertices: hull });
             false
         }
         Err(reason) => {
@@ -42,6 +45,12 @@ pub fn touch(read: &mut UrdfRobot, path: Option<&Path>, points: usize) {
             true
         }
     });
+    for (link, all) in pools {
+        let kept = few(&all, |_| f64::NEG_INFINITY, FINE * allowance(&all));
+        let turning = robot.links[link].joint.as_ref().filter(|joint| endless(joint));
+        let rolling = turning.and_then(|joint| wheel(link, joint, &kept));
+        robot.contact_points.extend(rolling.unwrap_or_else(|| partition(link, &kept, &kept, SHARP, points)));
+    }
 }
 
 /// The vertices of a mesh in its own frame (m).
@@ -57,6 +66,7 @@ fn vertices(mesh: &MeshFile, urdf: &Path) -> Result<Vec<Vector3<f64>>, String> {
     let all: Vec<Vector3<f64>> = read.into_iter().map(|v| v.component_mul(&mesh.scale)).collect();
     match all.iter().all(|v| v.iter().all(|x| x.abs() < 1e6)) {
         true if all.is_empty() => Err("has no vertex".into()),
+        true if all.iter().all(|v| v == &all[0]) => Err("has no size".into()),
         true => Ok(all),
         false => Err("has a vertex that is not finite, or absurdly far".into()),
     }
@@ -128,11 +138,4 @@ fn find(file: &str, urdf: &Path) -> Option<PathBuf> {
     let packages = std::env::var_os("ROS_PACKAGE_PATH").unwrap_or_default();
     let packages: Vec<PathBuf> = std::env::split_paths(&packages).collect();
     above.chain(packages.iter().map(|folder| folder.join(name).join(rest))).find_map(there)
-}
-
-/// The vertices of the convex hull; all of them where there is none, since they lie in a plane.
-fn hull(vertices: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
-    let points: Vec<_> = vertices.iter().map(|v| parry3d_f64::math::Vector::new(v.x, v.y, v.z)).collect();
-    let made = std::panic::catch_unwind(|| try_convex_hull(&points).ok()).ok().flatten();
-    made.map_or_else(|| vertices.to_vec(), |(hull, _)| hull.iter().map(|p| Vector3::new(p.x, p.y, p.z)).collect())
 }

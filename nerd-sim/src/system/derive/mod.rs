@@ -1,5 +1,6 @@
 //! Settings derived from a URDF's numbers.
 
+mod base;
 #[cfg(feature = "meshes")]
 mod collada;
 #[cfg(feature = "meshes")]
@@ -7,12 +8,15 @@ mod file;
 #[cfg(feature = "meshes")]
 mod gltf;
 mod guess;
+mod hull;
 mod limits;
 #[cfg(feature = "meshes")]
 mod meshes;
 mod plain;
 mod spread;
 mod srdf;
+#[cfg(feature = "meshes")]
+mod wheel;
 
 pub(crate) use guess::{derived, floats, stiffness};
 pub(crate) use limits::stiffen;

@@ -1,11 +1,17 @@
 //! A few points that represent many.
 
-use nalgebra::Vector3;
+use std::f64::consts::{PI, TAU};
+
+use nalgebra::{Matrix3, Rotation3, UnitVector3, Vector3};
+use nerd_core::contact::{ContactPoint, Locus, across};
 use nerd_core::dynamics::{Data, kinematics};
-use nerd_core::robot::Robot;
+use nerd_core::robot::{Joint, JointKind, Robot};
+
+use super::hull::{AROUND, allowance, around, few};
 
 /// At most so many of the points, by number: those that lie farthest towards the corners of the box around them, the lower ones first, then
-/// always the one farthest from all that were taken. A sole with an ankle on it keeps the corners that it stands on.
+/// always the one farthest from all that were taken. A sole with an ankle on it keeps the corners that it stands on. Of less than four no
+/// corner is one that it stands on.
 pub(crate) fn spread(points: &[Vector3<f64>], most: usize) -> Vec<usize> {
     let Some(first) = points.first() else { return Vec::new() };
     let (least, largest) = points.iter().fold((*first, *first), |(a, b), p| (a.inf(p), b.sup(p)));
@@ -18,8 +24,10 @@ pub(crate) fn spread(points: &[Vector3<f64>], most: usize) -> Vec<usize> {
         taken.push(k);
         away.iter().copied().enumerate().max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, far)| *far > 1e-6)
     };
-    let mut next = None;
-    for corner in 0..8 {
+    let middle = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
+    let outer = (0..points.len()).max_by(|a, b| (points[*a] - middle).norm().total_cmp(&(points[*b] - middle).norm()));
+    let mut next = outer.map(|k| (k, 0.0));
+    for corner in if most < 4 { 0..0 } else { 0..8 } {
         let towards = Vector3::new(0, 1, 2).map(|axis| if corner >> axis & 1 == 0 { -1.0 } else { 1.0 }).component_mul(&unit);
         let far = |p: &Vector3<f64>| towards.dot(p);
         let Some(k) = (0..points.len()).max_by(|a, b| far(&points[*a]).total_cmp(&far(&points[*b]))) else { break };
@@ -33,49 +41,124 @@ pub(crate) fn spread(points: &[Vector3<f64>], most: usize) -> Vec<usize> {
     taken
 }
 
-/// Points of a trunk, of a link that nothing hangs on, and of any other that a network is shown.
+/// Radius of a corner, an edge or a vertex (m).
+pub(crate) const SHARP: f64 = 1e-5;
+/// Points of a trunk, of a link that nothing hangs on, and of any other that a network is shown: an end stands on the lower corners of its box
+/// and falls on the other end.
 const TRUNK: usize = 8;
-const END: usize = 4;
+const END: usize = 5;
 const OTHER: usize = 2;
-/// Of a wheel.
-const WHEEL: usize = 24;
-/// Lower share of a link that nothing hangs on, from which its points are taken: a shin touches with its foot.
-const FOOT: f64 = 0.25;
+/// Points of cylinders that are no wheels and stay round all the same; those of more become corners.
+const ROLLS: usize = 12;
+/// A joint that may turn by more than this (rad) is no hinge of a limb.
+const ENDLESS: f64 = 2.0 * TAU;
+/// Directions in which a link's loss is measured.
+const LOOKS: usize = 3000;
 
-/// Which contact points are enough to fall and stand on, by number and in order: every one is one more that a network sees. Of each link
-/// those towards the corners of its box at `state`, the lower ones first; of one that nothing hangs on, of its lower end.
-pub(crate) fn enough(robot: &Robot, state: &[f64]) -> Vec<usize> {
+/// Whether a joint turns as that of a wheel does.
+pub(crate) fn endless(joint: &Joint) -> bool {
+    joint.kind != JointKind::Prismatic && joint.limit.is_none_or(|limit| limit.upper - limit.lower > ENDLESS)
+}
+
+/// At most `most` contact points that reach as far as balls of `radius` (m) about all of some places on a link: the places themselves if they
+/// are few, else the deepest of each share of them. `seen` are the places in axes of which the third is up.
+pub(crate) fn partition(link: usize, places: &[Vector3<f64>], seen: &[Vector3<f64>], radius: f64, most: usize) -> Vec<ContactPoint> {
+    if places.len() <= most {
+        return places.iter().map(|place| ContactPoint::new(link, *place, radius)).collect();
+    }
+    let seeds = spread(seen, most);
+    let mut shares = vec![Vec::new(); seeds.len()];
+    for (place, seen_at) in places.iter().zip(seen) {
+        let far = |k: &usize| (seen[seeds[*k]] - seen_at).norm_squared();
+        if let Some(nearest) = (0..seeds.len()).min_by(|a, b| far(a).total_cmp(&far(b))) {
+            shares[nearest].push(*place);
+        }
+    }
+    let share = |share: Vec<Vector3<f64>>| match share[..] {
+        [one] => ContactPoint::new(link, one, radius),
+        _ => ContactPoint::hull(link, share, radius),
+    };
+    shares.into_iter().map(share).collect()
+}
+
+/// How far contact points reach along a unit vector in their link's frame (m).
+pub(crate) fn reach<'a>(points: impl IntoIterator<Item = &'a ContactPoint>, n: &Vector3<f64>) -> f64 {
+    let far = |p: &ContactPoint| n.dot(&p.deepest(&Matrix3::identity(), &-n)) + p.radius;
+    points.into_iter().map(far).fold(f64::NEG_INFINITY, f64::max)
+}
+
+/// Few contact points in place of many, since every one is one more that a network sees, and by link how much deeper it may sink for it (m).
+/// No place of a link is left out that may be its lowest: corners and vertices become a few points, each the deepest of its share of them.
+/// What is round stays so, unless all else hides it. Those on the lower corners at `state` are apart.
+pub(crate) fn enough(robot: &Robot, state: &[f64]) -> (Vec<ContactPoint>, Vec<f64>) {
     let mut data = Data::new(robot);
     kinematics(robot, state, &mut data);
-    let ends = |link: usize| robot.links.iter().all(|other| other.parent != Some(link));
-    // The lowest place of a ball is what it stands on.
-    let place = |k: &usize| {
-        let point = &robot.contact_points[*k];
-        crate::scene::place(point, &data, &Vector3::z()) - Vector3::z() * point.radius
-    };
+    let turns = |link: usize| robot.links[link].joint.as_ref().is_some_and(endless);
+    let is_rim = |p: &ContactPoint| matches!(p.locus, Locus::Rim { .. });
+    let few_rims = robot.contact_points.iter().filter(|p| is_rim(p) && !turns(p.link)).count() <= ROLLS;
     let of = |link: usize| {
-        let mut own: Vec<usize> = (0..robot.contact_points.len()).filter(|k| robot.contact_points[*k].link == link).collect();
-        let trunk = link == 0 && robot.floating();
-        let end = ends(link) && !trunk;
-        // What turns without end may stand on any side of itself.
-        let wheel = end && robot.links[link].joint.as_ref().is_some_and(|j| j.limit.is_none());
-        if end && !wheel {
-            let heights = own.iter().map(|k| place(k).z);
-            let [low, high] = heights.fold([f64::INFINITY, -f64::INFINITY], |[a, b], z| [a.min(z), b.max(z)]);
-            own.retain(|k| place(k).z <= low + FOOT * (high - low));
-        }
-        let places: Vec<Vector3<f64>> = own.iter().map(place).collect();
-        let most = match (trunk, wheel, end) {
-            (true, ..) => TRUNK,
-            (_, true, _) => WHEEL,
-            (.., true) => END,
-            _ => OTHER,
+        let own: Vec<&ContactPoint> = robot.contact_points.iter().filter(|p| p.link == link).collect();
+        let round_ones = few_rims || turns(link);
+        let wheel = turns(link) && own.iter().any(|p| is_rim(p));
+        let end = robot.links.iter().all(|other| other.parent != Some(link)) && !wheel;
+        let most = if link == 0 && robot.floating() {
+            TRUNK
+        } else if end {
+            END
+        } else {
+            OTHER
         };
-        spread(&places, most).into_iter().map(move |k| own[k]).collect::<Vec<_>>()
+        let (mut sharp, mut round) = (Vec::new(), Vec::<Vec<ContactPoint>>::new());
+        for &p in &own {
+            match (&p.locus, round.last_mut()) {
+                (Locus::Rim { axis, radius, turn }, _) if !round_ones => {
+                    sharp.extend(polygon(&p.local, axis, *radius).filter(|_| *turn == 0.0));
+                }
+                (Locus::Rim { turn, .. }, Some(disc)) if *turn != 0.0 => disc.push(p.clone()),
+                (Locus::Fixed | Locus::Hull { .. }, _) if p.radius <= SHARP => sharp.extend(p.places()),
+                _ => round.push(vec![p.clone()]),
+            }
+        }
+        let places: Vec<_> = own.iter().flat_map(|p| p.places()).collect();
+        let off = allowance(&places);
+        let corners = (!sharp.is_empty()).then(|| ContactPoint::hull(link, sharp.clone(), SHARP));
+        // The smaller ones are hidden first.
+        round.sort_by(|a, b| (a[0].radius + a[0].reach()).total_cmp(&(b[0].radius + b[0].reach())));
+        let mut k = 0;
+        while k < round.len() {
+            let others = || round.iter().enumerate().filter(|(other, _)| *other != k).flat_map(|(_, disc)| disc).chain(&corners);
+            match around(AROUND).all(|n| reach(&round[k], &n) <= reach(others(), &n) + off) {
+                true => _ = round.remove(k),
+                false => k += 1,
+            }
+        }
+        let (balls, rims): (Vec<_>, Vec<_>) = round.into_iter().flatten().partition(|p| p.locus == Locus::Fixed);
+        let vertices = few(&sharp, |n| reach(balls.iter().chain(&rims), n), off);
+        let mut radii: Vec<(f64, Vec<Vector3<f64>>)> = vec![(SHARP, vertices)];
+        for ball in balls {
+            match radii.iter_mut().skip(1).find(|(radius, _)| *radius == ball.radius) {
+                Some((_, places)) => places.push(ball.local),
+                None => radii.push((ball.radius, vec![ball.local])),
+            }
+        }
+        let share = |(radius, places): (f64, Vec<Vector3<f64>>)| {
+            let seen: Vec<_> = places.iter().map(|place| data.rotation[link] * place).collect();
+            partition(link, &places, &seen, radius, most)
+        };
+        let kept: Vec<ContactPoint> = radii.into_iter().flat_map(share).chain(rims).collect();
+        let loss = around(LOOKS).map(|n| reach(own.iter().copied(), &n) - reach(&kept, &n)).fold(0.0, f64::max);
+        (kept, loss)
     };
-    let mut taken: Vec<usize> = (0..robot.links.len()).flat_map(of).collect();
-    taken.sort_unstable();
-    taken
+    let (kept, losses): (Vec<_>, _) = (0..robot.links.len()).map(of).unzip();
+    (kept.concat(), losses)
+}
+
+/// Vertices about a disc's rim that are nowhere off it by more than half of the allowance.
+fn polygon(centre: &Vector3<f64>, axis: &UnitVector3<f64>, radius: f64) -> impl Iterator<Item = Vector3<f64>> {
+    let up = across(axis) * radius;
+    let off = 0.5 * allowance(&[up, -up]);
+    let count = if off > 0.0 { (PI / (1.0 - off / radius).acos()).ceil() as usize } else { 1 };
+    (0..count).map(move |k| centre + Rotation3::from_axis_angle(axis, TAU * k as f64 / count as f64) * up)
 }
 
 #[cfg(test)]

@@ -1,0 +1,67 @@
+//! The shapes of a fixed base, which its robot touches as it touches a scene.
+
+use nalgebra::Vector3;
+use nerd_core::contact::{ContactPoint, Locus};
+use nerd_core::dynamics::{Data, kinematics, point_position};
+use nerd_core::robot::{Base, Robot, Shape};
+
+use super::limits::pose;
+use crate::scene::{Collider, Material};
+
+/// What is nearer to the base than this (m) wherever its joint turns is mounted on it.
+const MOUNTED: f64 = 1e-3;
+/// Poses of the joints on the base in which their links are looked at.
+const POSES: usize = 16;
+
+/// Which shapes of its base a robot can touch. Of links on the base, what touches it in any of some poses is no contact point any more: it is
+/// mounted there. A shape that others are inside of at `state` is left out, with a note.
+pub(crate) fn settle(robot: &mut Robot, shapes: Vec<Shape>, state: &[f64], notes: &mut Vec<String>) -> Vec<Shape> {
+    let Base::Fixed(at) = robot.base else { return Vec::new() };
+    if shapes.is_empty() {
+        return shapes;
+    }
+    let mut data = Data::new(robot);
+    kinematics(robot, state, &mut data);
+    let (mut kept, mut solid) = (Vec::new(), Vec::new());
+    for shape in shapes {
+        let collider = Collider::shaped(&shape, &at, Material::default());
+        let deep = |p: &&ContactPoint| {
+            let middle = point_position(&data, p.link, &p.local);
+            robot.links[p.link].parent.is_some() && collider.meets(p, &data, &middle).distance < p.radius - MOUNTED
+        };
+        match robot.contact_points.iter().find(deep) {
+            Some(p) => notes.push(format!("a shape of the base touches nothing, since `{}` is inside of it", robot.links[p.link].name)),
+            None => {
+                kept.push(shape);
+                solid.push(collider);
+            }
+        }
+    }
+    let (mut own, others): (Vec<_>, Vec<_>) =
+        std::mem::take(&mut robot.contact_points).into_iter().partition(|p| robot.links[p.link].parent.is_none());
+    for k in 0..=POSES {
+        if k > 0 {
+            kinematics(robot, &pose(robot, k - 1), &mut data);
+        }
+        let touches = |p: &ContactPoint, place: &Vector3<f64>| {
+            solid.iter().any(|c| c.query(&point_position(&data, p.link, place)).distance < p.radius + MOUNTED)
+        };
+        own.retain_mut(|p| {
+            let places = p.places();
+            let left: Vec<_> = places.iter().filter(|place| !touches(p, place)).copied().collect();
+            let all = left.len() == places.len();
+            if !all && !left.is_empty() && matches!(p.locus, Locus::Hull { .. }) {
+                *p = ContactPoint::hull(p.link, left, p.radius);
+                return true;
+            }
+            all
+        });
+    }
+    own.extend(others);
+    own.sort_by_key(|p| p.link);
+    robot.contact_points = own;
+    if !kept.is_empty() {
+        notes.push(format!("{} shapes of the fixed base are part of every scene but `free`; scene `base` is these alone", kept.len()));
+    }
+    kept
+}
