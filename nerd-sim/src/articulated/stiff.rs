@@ -176,7 +176,7 @@ fn radius(joints: &[(usize, f64)], dofs: usize, factor: &Factor, vector: &mut [f
 
 /// A bound from above on what a unit force at a point of a link gives it of acceleration, in its direction: as if the link
 /// were free. `1 / m + |[r] I^-1 [r]^T|` with r from the centre of mass.
-fn ease(link: &BodyInertia, point: &Vector3<f64>) -> f64 {
+pub(super) fn ease(link: &BodyInertia, point: &Vector3<f64>) -> f64 {
     let arm = (point - link.com).cross_matrix();
     let turning = link.inertia.cholesky().map_or(f64::INFINITY, |c| (arm.transpose() * c.solve(&arm)).symmetric_eigenvalues().max());
     1.0 / link.mass + if arm.amax() > 0.0 { turning } else { 0.0 }

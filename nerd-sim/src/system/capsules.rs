@@ -87,7 +87,7 @@ impl Capsule {
         let Some(room) = Room::of(vertices) else { return Vec::new() };
         let (pose, half) = boxed(vertices);
         let bars = rows(&pose, half, |_, thin| half.max() - thin);
-        bars.iter().flat_map(|bar| room.fit(bar)).collect()
+        bars.iter().filter_map(|bar| room.fit(bar)).collect()
     }
 
     /// Whether all of it is in another one, but for rounding.
@@ -176,23 +176,17 @@ impl Room {
         self.0.iter().map(|(n, far)| far - n.dot(place)).fold(f64::INFINITY, f64::min)
     }
 
-    /// At most two capsules on the axis of one: what there is room for before and behind its middle.
-    fn fit(&self, bar: &Capsule) -> Vec<Capsule> {
+    /// What of a capsule there is room for, but for ends that are a little too thick.
+    fn fit(&self, bar: &Capsule) -> Option<Capsule> {
         let station = |k: usize| 2.0 * k as f64 / (STATIONS - 1) as f64 - 1.0;
         let room: Vec<f64> = (0..STATIONS).map(|k| self.at(&(bar.middle + bar.half * station(k))).min(bar.radius)).collect();
         let most = room.iter().copied().fold(0.0, f64::max);
         let kept = |k: &usize| room[*k] >= LEFT * most;
-        let (Some(first), Some(last)) = ((0..STATIONS).find(kept), (0..STATIONS).rfind(kept)) else { return Vec::new() };
-        if most < THERE * bar.radius && most > THINNEST {
-            return Vec::new();
-        }
-        let part = |from: usize, to: usize| {
-            let (a, b) = (station(from), station(to));
-            let radius = room[from..=to].iter().sum::<f64>() / (to + 1 - from) as f64;
-            Capsule { middle: bar.middle + bar.half * (0.5 * (a + b)), half: bar.half * (0.5 * (b - a)), radius: radius.max(THINNEST) }
-        };
-        let centre = (first + last) / 2;
-        let two = [part(first, centre), part(centre, last)];
-        if (two[0].radius - two[1].radius).abs() < 0.1 * most { vec![part(first, last)] } else { two.into() }
+        let (first, last) = ((0..STATIONS).find(kept)?, (0..STATIONS).rfind(kept)?);
+        let radius = room[first..=last].iter().sum::<f64>() / (last + 1 - first) as f64;
+        let (a, b) = (station(first), station(last));
+        let fitted =
+            Capsule { middle: bar.middle + bar.half * (0.5 * (a + b)), half: bar.half * (0.5 * (b - a)), radius: radius.max(THINNEST) };
+        (most >= THERE * bar.radius || most <= THINNEST).then_some(fitted)
     }
 }

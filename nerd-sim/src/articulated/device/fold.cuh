@@ -35,13 +35,15 @@ BIG void fold(Work& w, real whole, real h) {
         const V3 one = t.position[a] + t.rotation[a] * read3(FOLD_BALL + 4 * a), other = t.position[b] + t.rotation[b] * read3(FOLD_BALL + 4 * b);
         const real reach = FOLD_BALL[4 * a + 3] + FOLD_BALL[4 * b + 3];
         const Motion twist = t.velocity[a] + t.velocity[b] * (real)-1;
-        if (norm(one - other) > reach + (real)0.5 * h * (norm(at(twist, one)) + norm(twist.ang) * reach)) continue;
+        const real way = (real)0.5 * h * (norm(at(twist, one)) + norm(twist.ang) * reach);
+        if (norm(one - other) > reach + way) continue;
         const real ease = whole * FOLD_EASE[p], bound = FOLLOWED / ease;
         const real stiffness = least(FOLD_MATERIAL[0], STIFFEST / ease / whole), damping = least(FOLD_MATERIAL[1], bound);
         const real friction_damping = least(FOLD_MATERIAL[2], bound);
         Wrench sum = wrench(v3(0, 0, 0), v3(0, 0, 0));
         for (int k = FOLD_OWN[2 * a]; k < FOLD_OWN[2 * a + 1]; k++) {
             const Capsule mine = placed(t, a, k);
+            if (norm(mine.middle - other) > norm(mine.half) + mine.radius + FOLD_BALL[4 * b + 3] + way) continue;
             for (int l = FOLD_OWN[2 * b]; l < FOLD_OWN[2 * b + 1]; l++) {
                 V3 n, x;
                 real gap = meets(mine, placed(t, b, l), n, x), part;
