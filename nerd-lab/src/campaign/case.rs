@@ -110,6 +110,16 @@ impl Kind {
                 let mut text = case.line.replace(" --", "\n--").into_bytes();
                 words.change(session, &mut text);
                 case.line = String::from_utf8_lossy(&text).replace('\n', " ");
+                // Without its limit a good training goes on for an hour.
+                if case.line.contains("train ") {
+                    match case.value("--minutes").map(|word| (word.to_string(), word.parse::<f64>())) {
+                        None => case.line += " --minutes 0.02",
+                        Some((word, Ok(minutes))) if minutes.is_finite() && minutes > 0.02 => {
+                            case.line = case.line.replace(&format!("--minutes {word}"), "--minutes 0.02");
+                        }
+                        Some(_) => {}
+                    }
+                }
             }
         }
         case

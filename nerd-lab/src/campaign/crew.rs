@@ -58,10 +58,11 @@ fn verdicts(folder: &Path, k: u64) -> PathBuf {
     folder.join(format!("{k}.jsonl"))
 }
 
-/// One place of the crew: its worker, what that writes, when it last wrote, its next case.
+/// One place of the crew: its worker, what that writes, a line of that so far, when it last wrote, its next case.
 struct Place {
     worker: Child,
     verdicts: BufReader<File>,
+    line: String,
     heard: Instant,
     next: u64,
 }
@@ -80,17 +81,17 @@ pub fn try_all(program: &Path, (seed, count): (u64, u64), good: &Path, hear: &mu
     for next in 0..stride.min(count) {
         File::create(verdicts(folder.path(), next))?;
         let verdicts = BufReader::new(File::open(verdicts(folder.path(), next))?);
-        crew.push(Place { worker: hire(next)?, verdicts, heard: Instant::now(), next });
+        crew.push(Place { worker: hire(next)?, verdicts, line: String::new(), heard: Instant::now(), next });
     }
     while !crew.is_empty() {
         std::thread::sleep(Duration::from_millis(20));
         for place in &mut crew {
             let ended = place.worker.try_wait()?;
-            let mut line = String::new();
-            while place.verdicts.read_line(&mut line)? > 0 {
-                hear(place.next, serde_json::from_str(&line)?);
+            // What is half written is read to its end later.
+            while place.verdicts.read_line(&mut place.line)? > 0 && place.line.ends_with('\n') {
+                hear(place.next, serde_json::from_str(&place.line)?);
                 (place.heard, place.next) = (Instant::now(), place.next + stride);
-                line.clear();
+                place.line.clear();
             }
             let late = place.heard.elapsed() > TIME;
             if place.next >= count || ended.is_none() && !late {
@@ -109,6 +110,7 @@ pub fn try_all(program: &Path, (seed, count): (u64, u64), good: &Path, hear: &mu
             (place.heard, place.next) = (Instant::now(), place.next + stride);
             if place.next < count {
                 place.worker = hire(place.next)?;
+                place.line.clear();
             }
         }
         crew.retain(|place| place.next < count);
