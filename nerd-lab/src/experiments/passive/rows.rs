@@ -1,6 +1,6 @@
 //! Results of passive motion, and their tables.
 
-use nerd_train::evaluate::{summary, summary_names};
+use nerd_train::evaluate::{quantities, summary, summary_names};
 
 use crate::prelude::*;
 
@@ -68,7 +68,7 @@ impl Rows {
             Some(vec![
                 r.whose(),
                 scene + &r.driven(),
-                System::named(&r.robot).map_or_else(|_| String::new(), |system| summary_names(&system).join(" / ")),
+                r.system().map_or_else(String::new, |system| summary_names(&system).join(" / ")),
                 r.bounded(),
                 or_dash(r.paper.as_deref().map(pair)),
                 r.shown(&r.report.hold),
@@ -120,7 +120,12 @@ impl Row {
     }
 
     fn summary(&self, figures: &[f64]) -> Vec<f64> {
-        System::named(&self.robot).map_or_else(|_| figures.to_vec(), |system| summary(&system, figures))
+        self.system().map_or_else(|| figures.to_vec(), |system| summary(&system, figures))
+    }
+
+    /// The built-in robot that it is of; a file of somebody's may have that one's name.
+    fn system(&self) -> Option<Arc<System>> {
+        System::named(&self.robot).ok().filter(|system| quantities(system).len() == self.report.error.len())
     }
 
     fn bounded(&self) -> String {
@@ -131,7 +136,7 @@ impl Row {
     }
 
     fn whose(&self) -> String {
-        let own = System::named(&self.robot).map_or_else(|_| Truth::default(), |system| system.spec.truth);
+        let own = self.system().map_or_else(Truth::default, |system| system.spec.truth);
         if self.truth == own.name() { self.robot.clone() } else { format!("{} ({})", self.robot, self.truth) }
     }
 
