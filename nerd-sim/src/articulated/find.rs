@@ -50,6 +50,7 @@ impl Workspace {
             }
             touches.push(Touch::Contact(Contact {
                 index: owner * scene.colliders.len() + event.collider,
+                point: *owner,
                 link: point.link,
                 x,
                 columns: start..columns.len(),
@@ -57,8 +58,8 @@ impl Workspace {
                 normal: n,
                 gap,
                 velocity,
+                start: velocity,
                 turn: Vector3::zeros(),
-                bend: Vector3::zeros(),
                 ahead: [0.0; 3],
                 across: 0.0,
                 parted: false,

@@ -111,7 +111,7 @@ impl Workspace {
             return self.substep(&halved, false, halvings - 1, q, qd);
         }
         qd.iter_mut().zip(&self.touches.rate).for_each(|(v, a)| *v += h * a);
-        self.touches.tell(scene, h / system.frame_time, &mut self.forces);
+        self.touches.tell(h / system.frame_time, &mut self.forces);
         drift(robot, q, qd, half);
         Ok(())
     }

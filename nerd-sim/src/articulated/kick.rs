@@ -64,11 +64,10 @@ impl Workspace {
                     // The derivative of a velocity that moves along is the spatial acceleration and w x v.
                     turn = vector(&middle[..3]).cross(&vector(&middle[3..6]));
                 }
+                let free = scene.gravity - turn;
                 for touch in touches.iter_mut() {
                     if let Touch::Contact(contact) = touch {
-                        contact.bend(&robot.contact_points[contact.index / scene.colliders.len()], &self.data, h);
-                        contact.turn = turn;
-                        contact.bend += scene.gravity - turn;
+                        contact.bend(&robot.contact_points[contact.point], &self.data, &free, &turn, h);
                     }
                 }
                 right.iter_mut().zip(self.data.tau.iter()).for_each(|(r, t)| *r = -t);

@@ -25,8 +25,9 @@ pub(super) enum Touch {
 
 /// A point on a collider: what it is, then what the substep makes of it.
 pub(super) struct Contact {
-    /// Its number among points and colliders.
+    /// Its number among points and colliders, and its point's.
     pub(super) index: usize,
+    pub(super) point: usize,
     pub(super) link: usize,
     /// Where it touches (m, from the root).
     pub(super) x: Vector3<f64>,
@@ -36,11 +37,11 @@ pub(super) struct Contact {
     pub(super) normal: Vector3<f64>,
     pub(super) gap: f64,
     pub(super) velocity: Vector3<f64>,
-    /// What its velocity changes by without accelerations (m/s^2): because the root turns while it travels, `w x v`, and because its place
-    /// and so its J change, `J_dot qd`. Of the latter, half a substep lies between the start, at which `velocity` is meant, and the middle,
-    /// whose J it was taken with.
+    /// Its velocity at the start, when J was another: half a substep of `J_dot qd` off `velocity`, which J of the middle takes it for.
+    pub(super) start: Vector3<f64>,
+    /// What its velocity changes by over the substep without accelerations (m/s): because the root turns while it travels, `h w x v`, and
+    /// because its place moves and J with it, `h J_dot qd`.
     pub(super) turn: Vector3<f64>,
-    pub(super) bend: Vector3<f64>,
     /// Shares a of the spring, the damper and the drag.
     pub(super) ahead: [f64; 3],
     /// Drag c (N s/m).
@@ -91,18 +92,23 @@ impl Contact {
         self.ahead = [ahead(h * h * m.stiffness * w), damper(h, m.damping, w), damper(h, self.across, w)];
     }
 
-    /// What its velocity changes by at velocities and accelerations of `data`, as its place moves: `a + w_dot x x + w x x_dot`.
+    /// Its `start` and `turn`, from velocities and accelerations of `data` at zero `qdd`: `J_dot qd = a + w_dot x x + w x x_dot - turn`
+    /// with `turn` (m/s^2) the root's, which its coordinates' rates have; `free = g - turn`, since `a` has gravity taken off.
     #[inline]
-    pub(super) fn bend(&mut self, point: &ContactPoint, data: &Data, h: f64) {
-        let (twist, rotation) = (&data.velocity[self.link], &data.rotation[self.link]);
-        // The middle of its ball.
-        let middle = self.x + self.normal * point.radius;
-        let mut moves = twist.at(&middle);
-        if let Locus::Rim { .. } = point.locus {
-            let centre = data.position[self.link] + rotation * point.local;
-            moves = twist.at(&centre) + point.runs(rotation, &self.normal, &twist.ang, h);
-        }
-        self.bend = data.acceleration[self.link].at(&self.x) + twist.ang.cross(&moves);
+    pub(super) fn bend(&mut self, point: &ContactPoint, data: &Data, free: &Vector3<f64>, turn: &Vector3<f64>, h: f64) {
+        let twist = &data.velocity[self.link];
+        let moves = match point.locus {
+            Locus::Rim { .. } => {
+                let rotation = &data.rotation[self.link];
+                let centre = data.position[self.link] + rotation * point.local;
+                twist.at(&centre) + point.runs(rotation, &self.normal, &twist.ang, h)
+            }
+            // The middle of its ball.
+            _ => twist.at(&(self.x + self.normal * point.radius)),
+        };
+        let bend = data.acceleration[self.link].at(&self.x) + twist.ang.cross(&moves) + free;
+        self.start = self.velocity - bend * (0.5 * h);
+        self.turn = (turn + bend) * h;
     }
 
     /// Its force on the robot before the substep, and what resists along and across its normal.
@@ -110,18 +116,18 @@ impl Contact {
     pub(super) fn push(&self, h: f64) -> (Vector3<f64>, f64, f64) {
         let (n, m, [spring, damper, slide]) = (&self.normal, &self.material, self.ahead);
         let (along, across) = (spring * h * m.stiffness + damper * m.damping, slide * self.across);
-        let (velocity, turn) = (self.velocity - self.bend * (0.5 * h), (self.turn + self.bend) * h);
-        let vn = n.dot(&velocity);
+        let (velocity, turn) = (&self.start, &self.turn);
+        let vn = n.dot(velocity);
         let force = n * -(m.stiffness * self.gap + m.damping * vn) - (velocity - n * vn) * self.across;
-        (force - n * ((along - across) * n.dot(&turn)) - turn * across, along, across)
+        (force - n * ((along - across) * n.dot(turn)) - turn * across, along, across)
     }
 
     /// Its force and drag after a change `h J qdd` of its velocity; whether another solve is asked for.
     #[inline]
     pub(super) fn settle(&mut self, change: &Vector3<f64>, h: f64, friction: Friction, settled: f64) -> bool {
         let (n, m, [spring, damper, slide]) = (&self.normal, &self.material, self.ahead);
-        let (velocity, change) = (self.velocity - self.bend * (0.5 * h), change + (self.turn + self.bend) * h);
-        let (vn, dn) = (n.dot(&velocity), n.dot(&change));
+        let (velocity, change) = (&self.start, change + self.turn);
+        let (vn, dn) = (n.dot(velocity), n.dot(&change));
         let normal = -(m.stiffness * (self.gap + spring * h * dn) + m.damping * (vn + damper * dn));
         self.parted = normal < 0.0;
         let seen = velocity + change * slide;

@@ -56,10 +56,10 @@ impl Touches {
     }
 
     /// Adds this share of the contacts' forces to those of their points.
-    pub(super) fn tell(&self, scene: &Scene, share: f64, forces: &mut [Vector3<f64>]) {
+    pub(super) fn tell(&self, share: f64, forces: &mut [Vector3<f64>]) {
         for touch in &self.touches {
             if let Touch::Contact(contact) = touch {
-                forces[contact.index / scene.colliders.len()] += contact.force * share;
+                forces[contact.point] += contact.force * share;
             }
         }
     }

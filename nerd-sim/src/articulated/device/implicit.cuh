@@ -99,11 +99,11 @@ FN V3 resisted(const Push& p, V3 n, V3 a) { return n * ((p.along - p.across) * d
 FN Push push(const Touch& t, real h) {
     const V3 n = t.normal;
     if (t.held) { Push p = {n * t.hold, 0, 0}; return p; }
-    const V3 velocity = t.velocity - t.bend * ((real)0.5 * h);
+    const V3 velocity = t.start;
     const real vn = dot(n, velocity);
     Push p = {n * -(t.stiffness * t.gap + t.damping * vn) - (velocity - n * vn) * t.across,
               (t.ahead[0] * h * t.stiffness + t.ahead[1] * t.damping) * h, t.ahead[2] * t.across * h};
-    p.force = p.force - resisted(p, n, t.turn + t.bend);
+    p.force = p.force - resisted(p, n, t.turn);
     return p;
 }
 
@@ -174,8 +174,8 @@ BIG bool judge(Work& w, real h, real settled) {
         Touch& t = w.touch[k];
         if (t.parted || t.held || (t.sticky && !t.bounded)) continue;
         const V3 n = t.normal;
-        const V3 change = (t.link < 0 ? t.x * w.qdd[t.dof] : ALONG ? reached(w.along, t.link, t.x) : at(twist[t.link], t.x)) * h + (t.turn + t.bend) * h;
-        const V3 velocity = t.velocity - t.bend * ((real)0.5 * h);
+        const V3 change = (t.link < 0 ? t.x * w.qdd[t.dof] : ALONG ? reached(w.along, t.link, t.x) : at(twist[t.link], t.x)) * h + t.turn * h;
+        const V3 velocity = t.start;
         const real vn = dot(n, velocity), dn = dot(n, change);
         const real normal = -(t.stiffness * (t.gap + t.ahead[0] * h * dn) + t.damping * (vn + t.ahead[1] * dn));
         if (t.bounded) {
@@ -195,7 +195,7 @@ BIG bool judge(Work& w, real h, real settled) {
     return changed;
 }
 
-// What the velocity of a point changes by without accelerations, at velocities w.middle, of which the root's turn is one part.
+// A point's `start` and `turn`, at velocities w.middle; the root's turn is one part.
 FN void bend(Work& w, Touch& t, V3 turned, real h) {
     const Tree& tr = w.tree;
     const int point = t.index / w.surfaces;
@@ -204,8 +204,9 @@ FN void bend(Work& w, Touch& t, V3 turned, real h) {
     for (int i = t.link; i >= (DOFS ? 1 : 0); i = PARENT[i]) a = a + cross(tr.velocity[i], tr.axis[i] * w.middle[DOF[i]]);
     V3 moves = at(twist, t.x + t.normal * RADIUS[point]);
     if (LOCI && LOCUS[point] == 1) moves = at(twist, middle(tr, point)) + runs(tr, point, t.normal, twist.ang, h);
-    t.turn = turned;
-    t.bend = at(a, t.x) + cross(twist.ang, moves) - turned;
+    const V3 bent = at(a, t.x) + cross(twist.ang, moves) - turned;
+    t.start = t.velocity - bent * ((real)0.5 * h);
+    t.turn = turned + bent;
 }
 
 // w.rate, the change of local velocities, from forces in the substep's middle. 1: found, 0: the substep is too long to find it, -1: no inertia.

@@ -16,7 +16,7 @@ struct Touch {
     int link;             // of a point; -1: of a joint
     int dof;              // of a joint
     V3 x;                 // where, or the joint's column
-    V3 turn, bend;        // of a point: what its velocity changes by without accelerations (touch.rs)
+    V3 start, turn;       // of a point: its velocity at the start, and what that changes by without accelerations (touch.rs)
     V3 normal, velocity, force;
     real gap, stiffness, damping, friction_damping, friction, across;
     real ahead[3];
@@ -80,7 +80,7 @@ FN Touch& next(Work& w) {
     Touch& t = w.touch[w.touches++];
     t.sticky = t.bounded = t.parted = t.held = false;
     t.friction_damping = t.friction = t.across = 0;
-    t.force = t.turn = t.bend = v3(0, 0, 0);
+    t.force = t.turn = v3(0, 0, 0);
     return t;
 }
 
@@ -92,7 +92,7 @@ FN void press(Work& w, int point, int c, V3 n, V3 nearest, real h) {
     if (!inside(gap, (real)0.5 * h * dot(n, velocity), part)) return;
     Touch& t = next(w);
     const real* m = w.surface[c].material;
-    t.index = point * w.surfaces + c; t.link = link; t.x = x; t.normal = n; t.velocity = velocity; t.gap = gap;
+    t.index = point * w.surfaces + c; t.link = link; t.x = x; t.normal = n; t.start = t.velocity = velocity; t.gap = gap;
     t.stiffness = part * m[0]; t.damping = part * m[1]; t.friction_damping = part * m[2]; t.friction = m[3];
 }
 
@@ -174,7 +174,7 @@ BIG bool find(Work& w, real h, const double* drives) {
         Touch& t = next(w);
         t.index = points + NJ + i; t.link = -1; t.dof = DOFS + i; t.x = v3(0, 1, 0); t.normal = v3(1, 0, 0);
         t.stiffness = 1; t.damping = 0; t.friction_damping = DRY[i] / CREEP; t.friction = 1;
-        t.gap = -DRY[i]; t.velocity = v3(0, tr.qd[DOFS + i], 0);
+        t.gap = -DRY[i]; t.start = t.velocity = v3(0, tr.qd[DOFS + i], 0);
     });
     for (int i = 0; i < DRIVES; i++) {
         const double* d = drives + 5 * i;
@@ -183,7 +183,7 @@ BIG bool find(Work& w, real h, const double* drives) {
         t.index = points + 2 * NJ + i; t.link = -1; t.dof = DOFS + i; t.x = v3(1, 0, 0); t.normal = v3(1, 0, 0);
         t.stiffness = (real)d[0]; t.damping = (real)d[1];
         t.sticky = t.bounded = true;
-        t.gap = (real)(tr.q[COORDS + i] - d[2]); t.velocity = v3(v - (real)d[3], 0, 0);
+        t.gap = (real)(tr.q[COORDS + i] - d[2]); t.start = t.velocity = v3(v - (real)d[3], 0, 0);
         t.bounds[0] = v < -TOP[i] ? 0 : -effort; t.bounds[1] = v > TOP[i] ? 0 : effort;
     }
     onward<0, NJ>([&](auto i) {
@@ -198,7 +198,7 @@ BIG bool find(Work& w, real h, const double* drives) {
             t.index = points + i; t.link = -1; t.dof = DOFS + i; t.x = v3(side, 0, 0); t.normal = v3(1, 0, 0);
             t.stiffness = part * limit[2]; t.damping = part * limit[3];
             t.sticky = true;
-            t.gap = gap; t.velocity = v3(v, 0, 0);
+            t.gap = gap; t.start = t.velocity = v3(v, 0, 0);
         }
     });
     return true;
