@@ -105,6 +105,13 @@ FN void near(const Tree& t, const Surface& plane, real h, unsigned* mask) {
     const V3 n = plane.normal;
     onward<0, NP, UNROLLED && NP <= 64>([&](auto point) {
         const int link = POINT_LINK[point];
+        if (LOCI && LOCUS[point]) {
+            // Wherever on its link it lies, it does not come down: its vertices need not be asked.
+            const V3 m = middle(t, point);
+            const real speed = norm(at(t.velocity[link], m)) + norm(t.velocity[link].ang) * REACH[point];
+            const real d = dot(n, m) - plane.offset - REACH[point] - RADIUS[point];
+            if (d > (real)0.5 * h * speed + (real)1e-4 * (1 + size(d) + size(plane.offset))) return;
+        }
         const V3 p = facing(t, point, n, true);
         const real d = dot(n, p) - plane.offset, way = (real)0.5 * h * dot(n, at(t.velocity[link], p));
         // With room for rounding; `press` decides.
