@@ -65,7 +65,7 @@ impl Draft {
     ) -> Result<(), String> {
         self.scene.gravity = *gravity;
         if system.robot.contact_points.is_empty() {
-            return self.workspace.step(system, &self.scene, &self.config, state, tau);
+            return self.workspace.attempt(system, &self.scene, &self.config, false, state, tau);
         }
         self.workspace.face(system, &self.scene, events);
         let (config, substeps) = (self.config, self.config.contact_substeps);

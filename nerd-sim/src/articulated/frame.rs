@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 use nerd_core::spatial::Wrench;
 
 use super::config::{ArticulatedConfig, ContactStep};
+use super::energy::{FINEST, WHIRL_RK4};
 use super::stiff::Bounds;
 use super::workspace::Workspace;
 use crate::drive::Drive;
@@ -42,9 +43,6 @@ impl Frame for Workspace {
 
     fn step(&mut self, system: &System, scene: &Scene, config: &ArticulatedConfig, state: &mut [f64], tau: &[f64]) -> Result<(), String> {
         let robot = &system.robot;
-        // The environment stepped before this one may have touched something.
-        self.data.external.fill(Wrench::default());
-        self.forces.fill(Vector3::zeros());
         let contact = !scene.colliders.is_empty() && !robot.contact_points.is_empty();
         self.materials.clear();
         if contact {
@@ -57,19 +55,59 @@ impl Frame for Workspace {
             self.owners.reserve(most);
             self.owners.extend(0..robot.contact_points.len());
         }
-        // Dry friction is stiff at rest, and a spring, a drive or a link on another may be: the implicit step alone holds them.
-        if system.held() || !self.drives.is_empty() || contact && config.contact_step == ContactStep::Implicit {
+        self.start.copy_from_slice(state);
+        let watched = config.contact_step == ContactStep::Implicit && system.stand_ins.is_empty() && system.folds.is_empty();
+        let (mut finer, mut eventful) = (*config, false);
+        loop {
+            self.touches.even = finer != *config;
+            let done = self.attempt(system, scene, &finer, contact, state, tau);
+            eventful |= self.touches.eventful;
+            let last = !watched || finer.substeps.max(finer.contact_substeps) >= FINEST;
+            if last || done.is_ok() && (!eventful || self.sound(system, scene, state, tau)?) {
+                return done;
+            }
+            (finer.substeps, finer.contact_substeps) = (2 * finer.substeps, 2 * finer.contact_substeps);
+            state.copy_from_slice(&self.start);
+        }
+    }
+}
+
+impl Workspace {
+    /// Dry friction is stiff at rest, and a spring, a drive or a link on another may be: the implicit step alone holds them.
+    fn stays_implicit(&self, system: &System) -> bool {
+        system.held() || !self.drives.is_empty()
+    }
+
+    /// A frame by the steps that it asks for.
+    pub(super) fn attempt(
+        &mut self,
+        system: &System,
+        scene: &Scene,
+        config: &ArticulatedConfig,
+        contact: bool,
+        state: &mut [f64],
+        tau: &[f64],
+    ) -> Result<(), String> {
+        let robot = &system.robot;
+        let begin = |own: &mut Self| {
+            own.data.external.fill(Wrench::default());
+            own.forces.fill(Vector3::zeros());
+            (own.touches.work, own.touches.eventful) = ((0.0, 0.0), false);
+        };
+        begin(self);
+        if self.stays_implicit(system) || contact && config.contact_step == ContactStep::Implicit {
             return self.implicit(system, scene, config, config.contact_substeps, false, state, tau);
         }
         self.start.copy_from_slice(state);
         self.stiff.begin();
+        let h = system.frame_time / config.substeps as f64;
+        self.touches.eventful = state[robot.nq() + robot.root_dofs()..].iter().any(|v| v.abs() * h > WHIRL_RK4);
         if self.explicit(system, scene, config, contact, state, tau)? {
             return Ok(());
         }
         // A damper, a limit or a friction was met that no explicit substep of this length can bear.
         state.copy_from_slice(&self.start);
-        self.data.external.fill(Wrench::default());
-        self.forces.fill(Vector3::zeros());
+        begin(self);
         self.implicit(system, scene, config, config.substeps.max(config.contact_substeps), false, state, tau)
     }
 }

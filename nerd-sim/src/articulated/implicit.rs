@@ -2,11 +2,11 @@
 //!
 //! Half a drift, a kick with the forces found there, half a drift (leapfrog). A spring, damper or friction of a touch sees
 //! the velocity `v + a (v' - v)` between the substep's start and its end, and a spring the gap `g + a h (v' - v)`, each with
-//! its own share a: none for a spring and half for a damper while that is stable, more as they grow stiff for the touch's
-//! own inertia, `1 / w = 1 / n^T J M^-1 J^T n`:
+//! its own share a: a quarter for a spring, the mean of the gaps at both ends, which keeps its energy, and half for a damper while that is
+//! stable, more as they grow stiff for the touch's own inertia, `1 / w = 1 / n^T J M^-1 J^T n`:
 //!
 //! ```text
-//! spring a = max(0, 1/2 - 1 / (2 h^2 k w))      damper a = max(1/2, 1 - 1 / (h d w))      (friction's drag likewise)
+//! spring a = max(1/4, 1/2 - 1 / (2 h^2 k w))      damper a = max(1/2, 1 - 1 / (h d w))      (friction's drag likewise)
 //! (M + h sum J^T D J) qdd = tau - bias + sum J^T f,    D = (a_k h k + a_d d) n n^T + a_c c (1 - n n^T)
 //! f = -(k g + d min(v_n, 0)) n - c v_t,    v = J qd - h/2 J_dot qd,    v' - v = h (J qdd + w x p_dot + J_dot qd)
 //! ```
@@ -26,7 +26,7 @@
 //! creep. A joint's spring, `z = h^2 k w`, is damped by `h k min(z, 1/2)` at least: what a substep is too long to follow would ring for ever, and
 //! shake what it can follow. That is of third order in h, and nothing beside a damper that lets the spring come to rest. A drive
 //! ([`crate::drive`]) may pull, until its effort holds it at a constant force. A touch couples only the joints above it, so the matrix keeps the
-//! tree's zeros and the factorisation its cost. Where chains are long, the same equations are solved along the tree (`along.rs`).
+//! tree's zeros and the factorisation its cost. A frame that gives energy is stepped again, finer (`energy.rs`). Where chains are long, the same equations are solved along the tree (`along.rs`).
 
 use nalgebra::UnitQuaternion;
 use nerd_core::dynamics::{crba, kinematics, to_local, to_world};
@@ -35,9 +35,10 @@ use nerd_core::state::{quaternion, vector, write_quaternion};
 
 use super::along::Tree;
 use super::config::{ArticulatedConfig, Friction};
+use super::energy::WHIRL;
 use super::fold::fold;
 use super::kick::{SETTLED, Substep};
-use super::touch::{Contact, Touch, ahead};
+use super::touch::{Contact, EVEN, Touch, ahead};
 use super::touches::Touches;
 use super::workspace::Workspace;
 use crate::scene::Scene;
@@ -110,6 +111,9 @@ impl Workspace {
             self.substep(&halved, first, halvings - 1, q, qd)?;
             return self.substep(&halved, false, halvings - 1, q, qd);
         }
+        self.touches.drive(robot.root_dofs(), h, qd);
+        let rates = qd.iter().zip(&self.touches.rate).skip(robot.root_dofs());
+        self.touches.eventful |= rates.map(|(v, a)| v.abs().max((v + h * a).abs())).any(|fastest| h * fastest > WHIRL);
         qd.iter_mut().zip(&self.touches.rate).for_each(|(v, a)| *v += h * a);
         self.touches.tell(h / system.frame_time, &mut self.forces);
         drift(robot, q, qd, half);
@@ -121,7 +125,7 @@ impl Workspace {
         self.touches.shared = h;
         let mut factored = false;
         for (i, joint) in robot.joints().enumerate() {
-            (self.touches.braked[i], self.touches.dampers[i], self.touches.springs[i]) = (joint.damping, 0.5, 0.0);
+            (self.touches.braked[i], self.touches.dampers[i], self.touches.springs[i]) = (joint.damping, 0.5, EVEN);
             if h * joint.damping.max(h * joint.stiffness) <= self.stiff.bounds.least[i] {
                 continue;
             }
@@ -199,10 +203,21 @@ impl Workspace {
                     *self.touches.weights[index].insert(if w > 0.0 { w } else { f64::INFINITY })
                 }
             };
+            // Beyond its surface for a part of the substep, if its gap at one end is positive.
+            self.touches.eventful |= match touch {
+                Touch::Contact(contact) => contact.gap + 0.5 * h * contact.normal.dot(&contact.velocity).abs() > 0.0,
+                Touch::Limit(spring) => spring.gap + 0.5 * h * spring.rate.abs() > 0.0,
+                Touch::Drive { .. } | Touch::Friction(_) => false,
+            };
             match touch {
                 Touch::Contact(contact) => contact.weigh(w, h, friction),
                 Touch::Limit(spring) | Touch::Drive { spring, .. } => spring.weigh(w, h),
                 Touch::Friction(_) => {}
+            }
+            match touch {
+                Touch::Contact(contact) if self.touches.even => contact.ahead = [EVEN, 0.5, 0.5],
+                Touch::Limit(spring) if self.touches.even => spring.ahead = [EVEN, 0.5],
+                _ => {}
             }
         }
         self.touches.touches = touches;

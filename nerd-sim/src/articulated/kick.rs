@@ -102,13 +102,14 @@ impl Workspace {
             correct &= wait;
             corrected |= stale;
         }
+        self.touches.eventful = true;
         Ok(found)
     }
 
     /// Accelerations with the touches that have not parted. Then each one's drag is that of its force and slip at the
     /// end, and a point that would pull has parted; whether that changes anything.
     fn solve(&mut self, robot: &Robot, h: f64, settled: f64, friction: Friction) -> Result<bool, String> {
-        let Touches { touches, columns, mass, right, tree, .. } = &mut self.touches;
+        let Touches { touches, columns, mass, right, tree, eventful, .. } = &mut self.touches;
         match tree {
             Some(tree) => tree.clear(),
             None => self.data.mass.copy_from(mass),
@@ -160,7 +161,9 @@ impl Workspace {
                         Some(tree) => tree.at(contact.link, &contact.x) * h,
                         None => columns[contact.columns.clone()].iter().map(|(k, a)| a * (h * self.data.qdd[*k])).sum(),
                     };
-                    contact.settle(&change, h, friction, settled)
+                    let settled = contact.settle(&change, h, friction, settled);
+                    *eventful |= contact.parted;
+                    settled
                 }
                 Touch::Friction(dry) => dry.settle(h * self.data.qdd[dofs + dry.joint], friction, settled),
                 Touch::Drive { spring, bounds: [least, most], held: held @ None } => {

@@ -22,6 +22,12 @@ pub(super) struct Touches {
     pub(super) shared: f64,
     pub(super) springs: Vec<f64>,
     pub(super) pull: Vec<f64>,
+    /// Whether contacts and limits take the means over a substep, whatever its length: they ring, and give no energy.
+    pub(super) even: bool,
+    /// Whether something was met in the frame that may give energy.
+    pub(super) eventful: bool,
+    /// Work (J) of the drives in the frame, and its size either way.
+    pub(super) work: (f64, f64),
     pub(super) mass: DMatrix<f64>,
     /// Where the tree is too deep for the matrix.
     pub(super) tree: Option<Tree>,
@@ -46,6 +52,9 @@ impl Touches {
             shared: 0.0,
             springs: vec![0.0; joints],
             pull: vec![0.0; joints],
+            even: false,
+            eventful: false,
+            work: (0.0, 0.0),
             mass: DMatrix::zeros(nv, nv),
             tree: Tree::new(system),
             middle: vec![0.0; nv],
@@ -61,6 +70,17 @@ impl Touches {
             if let Touch::Contact(contact) = touch {
                 forces[contact.point] += contact.force * share;
             }
+        }
+    }
+
+    /// Adds the drives' work in a substep that begins at velocities `qd`.
+    pub(super) fn drive(&mut self, dofs: usize, h: f64, qd: &[f64]) {
+        for touch in &self.touches {
+            let Touch::Drive { spring, held, .. } = touch else { continue };
+            let change = h * self.rate[dofs + spring.joint];
+            let force = held.unwrap_or_else(|| spring.force(change, h));
+            let work = force * h * (qd[dofs + spring.joint] + 0.5 * change);
+            self.work = (self.work.0 + work, self.work.1 + work.abs());
         }
     }
 

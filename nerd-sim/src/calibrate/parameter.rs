@@ -53,6 +53,7 @@ impl CalibrateError {
 /// | `height`, `tilt.x`, `tilt.y` | shift and turns of the scene's plane from where it is described | m, rad |
 /// | `lag` | frames by which measured velocities are older than their poses, in free fall | 1 |
 /// | `joint-damping:JOINT`, `joint-friction:JOINT` | of a joint | N m s/rad, N m |
+/// | `armature:JOINT` | inertia of the drive at a joint | kg m^2 |
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameter {
     /// Its name.
@@ -90,6 +91,7 @@ pub(super) enum What {
     Lag,
     JointDamping(usize),
     JointFriction(usize),
+    Armature(usize),
 }
 
 impl What {
@@ -124,8 +126,11 @@ impl Parameter {
         let unknown = || {
             let links: Vec<&str> = robot.links.iter().map(|l| l.name.as_str()).collect();
             let joints: Vec<&str> = robot.joints().map(|j| j.name.as_str()).collect();
-            let joints =
-                if joints.is_empty() { String::new() } else { format!("; joint-damping, joint-friction:JOINT of {}", joints.join(", ")) };
+            let joints = if joints.is_empty() {
+                String::new()
+            } else {
+                format!("; armature, joint-damping, joint-friction:JOINT of {}", joints.join(", "))
+            };
             let (plain, links) = (PLAIN.join(", "), links.join(", "));
             CalibrateError::Parameter(format!(
                 "no parameter `{name}`: choose from {plain}; mass, com.x, com.y, com.z, inertia, spread.x, spread.y, spread.z:LINK of {links}{joints}"
@@ -172,6 +177,11 @@ impl Parameter {
             "joint-friction" => {
                 let own = robot.joints().nth(joint()?).map_or(0.0, |j| j.friction);
                 (What::JointFriction(joint()?), own, 0.0, (0.1 * size * robot.mass() * GRAVITY).max(10.0 * own), false, "N m")
+            }
+            // Up to a hundredth of mass times size squared.
+            "armature" => {
+                let own = robot.joints().nth(joint()?).map_or(0.0, |j| j.armature);
+                (What::Armature(joint()?), own, 0.0, (0.01 * size * size * robot.mass()).max(10.0 * own), false, "kg m^2")
             }
             _ => return Err(unknown()),
         };

@@ -92,6 +92,7 @@ impl Subject {
                 What::Tilt(axis) => self.plane(&mut system, p)?.angles[axis] += value,
                 What::Lag => lag = value,
                 What::JointDamping(joint) => system.robot.joints_mut().nth(joint).into_iter().for_each(|j| j.damping = value),
+                What::Armature(joint) => system.robot.joints_mut().nth(joint).into_iter().for_each(|j| j.armature = value),
                 What::JointFriction(joint) => system.robot.joints_mut().nth(joint).into_iter().for_each(|j| j.friction = value),
                 What::Restitution => match &mut engine {
                     Engine::Rapier(config) => config.restitution = value,

@@ -4,6 +4,7 @@
 mod common;
 mod convergence;
 mod drives;
+mod falling;
 mod folding;
 #[cfg(feature = "rapier")]
 mod forces;

@@ -81,8 +81,7 @@ fn a_part_of_a_toml_overrides_what_the_urdf_suggests() {
     let [system, plain] = [Some(text), None].map(|toml| read(&table(1.0, ""), toml).expect("a robot"));
     assert_eq!(system.frame_time, 0.01);
     let armatures: Vec<f64> = system.robot.joints().map(|j| j.armature).collect();
-    // Effort and velocity of 20 N m and 10 rad/s make the others: 10 ms from rest.
-    assert_eq!(armatures, [0.02, 0.03, 0.02, 0.02]);
+    assert_eq!(armatures, [0.0, 0.03, 0.0, 0.0], "no drive inertia that the file does not give");
     assert_eq!(system.joint_specs().nth(1).map(|j| j.kp), plain.joint_specs().nth(1).map(|j| j.kp), "the rest of the joint is what it was");
     for (text, said) in [
         ("like = \"urdf\"\njoint = 3", "[[joint]]"),
@@ -95,6 +94,17 @@ fn a_part_of_a_toml_overrides_what_the_urdf_suggests() {
         let error = line(read(&table(1.0, ""), Some(text)));
         assert!(error.contains(said), "{text}: {error}");
     }
+}
+
+/// A point on its own axis resists no turn: that joint alone, and a note.
+#[test]
+fn a_joint_that_no_link_resists_has_a_guessed_armature_and_a_note() {
+    let tip = [link("tip", 0.1, [0.0; 3], [0.0; 3], ""), hinge("spin", ["link3", "tip"], [0.0, 0.0, 0.3], 50.0)].concat();
+    let system = read(&arm().replace("</robot>", &(tip + "</robot>")), None).expect("a robot");
+    let armatures: Vec<f64> = system.robot.joints().map(|j| j.armature).collect();
+    // 50 N m bring it to 10 rad/s in 10 ms.
+    assert_eq!(armatures, [0.0, 0.0, 0.0, 0.05]);
+    assert!(system.notes.iter().any(|n| n.contains("guessed armature") && n.contains("spin 0.05")), "{:?}", system.notes);
 }
 
 /// What is printed may be put beside the file, and is the same robot.

@@ -1,5 +1,5 @@
-// One frame of one environment. SUBSTEPS, CONTACT_SUBSTEPS, RK4, IMPLICIT, RENEW, HUBER are the solver's settings; HELD tells of a
-// joint with dry friction or a spring, or of links that may touch each other.
+// One frame of one environment. SUBSTEPS, CONTACT_SUBSTEPS, RK4, IMPLICIT, RENEW, HUBER are the solver's settings; WATCHED: no frame may
+// give energy; HELD tells of a joint with dry friction or a spring, or of links that may touch each other.
 
 // A floating root's velocity (w, v) about the world's origin to (w, p_dot), or back.
 FN void about(const double* p, double* qd, double sign) {
@@ -34,21 +34,62 @@ FN void wrap(double* state) {
         if (WRAPS[i]) state[COORDS + i] = wrapped(state[COORDS + i]);
 }
 
-// Moves the tree from `state`, which it has been given; 0, or why not: 1 + the DoF at which the mass matrix is none, LOST.
-BIG int moved(Work& w, const double* state, const double* tau, const double* scene, const double* drives, double* forces) {
+// One try of a frame from `state`, which the tree has been given, with `finer` times the substeps; 0, or why not.
+BIG int attempt(Work& w, const double* state, const double* tau, const double* scene, const double* drives, double* forces, int finer) {
     if (forces) for (int k = 0; k < 3 * NP; k++) forces[k] = 0;
     const bool touching = NP > 0 && (FACED || (NC > 0 && scene[3] != 0));
-    if (HELD || DRIVEN || (touching && IMPLICIT)) return implicit(w, scene, tau, drives, forces, CONTACT_SUBSTEPS);
+    w.eventful = false;
+    w.even = finer > 1;
+    w.work = w.effort = 0;
+    if (HELD || DRIVEN || (touching && IMPLICIT)) return implicit(w, scene, tau, drives, forces, CONTACT_SUBSTEPS * finer);
+    for (int k = DOFS; k < NV; k++) w.eventful = w.eventful || size(w.tree.qd[k]) * (real)(FRAME / (SUBSTEPS * finer)) > WHIRL_RK4;
     Explicit e;
     e.looked = false;
     e.soft = -1;
     for (int i = 0; i < NJ; i++) e.weight[i] = -1;
-    const int done = !touching && RK4 ? runge_kutta(w, e, scene, tau, SUBSTEPS)
-                                      : euler(w, e, scene, tau, forces, touching, touching ? CONTACT_SUBSTEPS : SUBSTEPS);
+    const int done = !touching && RK4 ? runge_kutta(w, e, scene, tau, SUBSTEPS * finer)
+                                      : euler(w, e, scene, tau, forces, touching, (touching ? CONTACT_SUBSTEPS : SUBSTEPS) * finer);
     if (done != STIFF) return done;
     take(w.tree, state);
     if (forces) for (int k = 0; k < 3 * NP; k++) forces[k] = 0;
-    return implicit(w, scene, tau, drives, forces, SUBSTEPS > CONTACT_SUBSTEPS ? SUBSTEPS : CONTACT_SUBSTEPS);
+    return implicit(w, scene, tau, drives, forces, (SUBSTEPS > CONTACT_SUBSTEPS ? SUBSTEPS : CONTACT_SUBSTEPS) * finer);
+}
+
+// Whether the frame from `state` to where the tree is gave no energy.
+BIG bool sound(Work& w, const double* state, const double* tau, const double* scene) {
+    Tree& t = w.tree;
+    double q[NQ], work = w.work, effort = w.effort, mass = 0;
+    real qd[NV];
+    for (int k = 0; k < NQ; k++) q[k] = t.q[k];
+    for (int k = 0; k < NV; k++) qd[k] = t.qd[k];
+    const Energy after = energy(w, scene);
+    take(t, state);
+    const Energy before = energy(w, scene);
+    for (int i = 0; i < NJ; i++) {
+        const double done = tau[i] * (q[COORDS + i] - t.q[COORDS + i]);
+        work += done;
+        effort += done < 0 ? -done : done;
+    }
+    for (int k = 0; k < NQ; k++) t.q[k] = q[k];
+    for (int k = 0; k < NV; k++) t.qd[k] = qd[k];
+    for (int i = 0; i < NL; i++) mass += MASS[i];
+    const double fallen = 0.5 * mass * FRAME * FRAME * dot(w.gravity, w.gravity);
+    const double gain = after.lively - before.lively + (after.high - before.high) - work;
+    const double lively = before.lively > after.lively ? before.lively : after.lively;
+    return gain <= SHARE * lively + LABOUR * effort + FALL * fallen;
+}
+
+// Moves the tree from `state`, which it has been given; 0, or why not: 1 + the DoF at which the mass matrix is none, LOST. A frame that gives
+// energy is stepped anew with twice the substeps.
+BIG int moved(Work& w, const double* state, const double* tau, const double* scene, const double* drives, double* forces) {
+    bool eventful = false;
+    for (int finer = 1;; finer *= 2) {
+        const int done = attempt(w, state, tau, scene, drives, forces, finer);
+        if (!WATCHED || (SUBSTEPS > CONTACT_SUBSTEPS ? SUBSTEPS : CONTACT_SUBSTEPS) * finer >= FINEST) return done;
+        eventful = eventful || w.eventful;
+        if (!done && (!eventful || sound(w, state, tau, scene))) return 0;
+        take(w.tree, state);
+    }
 }
 
 static_assert(sizeof(Work) + sizeof(Explicit) < 500000, "the robot is too large for a thread of a GPU, which has 512 KiB; step it on the CPU");

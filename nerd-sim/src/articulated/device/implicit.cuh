@@ -1,7 +1,7 @@
 // A substep that looks ahead, as articulated/implicit.rs, where the equations are.
 
-// The share of a spring with z = h^2 k w that keeps it stable.
-FN real foresight(real z) { return most((real)0.5 - (real)0.5 / z, 0); }
+// The share of a spring with z = h^2 k w: it keeps energy, or loses it where the substep is too long to follow it.
+FN real foresight(real z) { return most((real)0.5 - (real)0.5 / z, EVEN); }
 
 // The inverse of the mass matrix alone.
 FN bool plain(Work& w) { return ALONG ? spread(w.tree, w.along) : refill(w.tree); }
@@ -10,7 +10,7 @@ FN bool plain(Work& w) { return ALONG ? spread(w.tree, w.along) : refill(w.tree)
 BIG bool damp(Work& w, real h) {
     bool factored = false;
     for (int i = 0; i < NJ; i++) {
-        w.braked[i] = DAMPING[i]; w.damper[i] = (real)0.5; w.spring[i] = 0;
+        w.braked[i] = DAMPING[i]; w.damper[i] = (real)0.5; w.spring[i] = EVEN;
         if (h * most(DAMPING[i], h * SPRING[i]) <= LEAST[i]) continue;
         if (!factored && !plain(w)) return false;
         factored = true;
@@ -80,12 +80,15 @@ BIG bool weigh(Work& w, real h) {
         Touch& t = w.touch[n];
         const real weight = w.weight[t.index];
         const real vn = dot(t.normal, t.velocity);
+        // Beyond its surface for a part of the substep, if its gap at one end is positive.
+        if (!t.bounded && t.gap + (real)0.5 * h * size(vn) > 0) w.eventful = true;
         if (vn >= 0 && !t.sticky) t.damping = 0;
         const real normal = most(-(t.stiffness * t.gap + t.damping * vn), 0);
         t.across = drag(normal, norm(t.velocity - t.normal * vn), t.friction_damping, t.friction);
         t.ahead[0] = foresight(h * h * t.stiffness * weight);
         t.ahead[1] = most(1 - 1 / (h * t.damping * weight), (real)0.5);
         t.ahead[2] = most(1 - 1 / (h * t.across * weight), (real)0.5);
+        if (w.even && !t.bounded && (t.link >= 0 || t.sticky)) { t.ahead[0] = EVEN; t.ahead[1] = t.ahead[2] = (real)0.5; }
     }
     return true;
 }
@@ -185,6 +188,7 @@ BIG bool judge(Work& w, real h, real settled) {
             continue;
         }
         t.parted = normal < 0;
+        w.eventful = w.eventful || t.parted;
         const V3 seen = velocity + change * t.ahead[2];
         const V3 slip = seen - n * dot(n, seen);
         t.force = t.parted ? v3(0, 0, 0) : n * normal - slip * t.across;
@@ -253,6 +257,7 @@ BIG int accelerate_ahead(Work& w, const double* tau, real h, bool correct, real 
         correct = correct && wait;
         corrected = corrected || stale;
     }
+    w.eventful = true;
     return found;
 }
 
@@ -287,6 +292,17 @@ BIG int implicit(Work& w, const double* scene, const double* tau, const double* 
             halved++;
             continue;
         }
+        for (int k = 0; DRIVEN && k < w.touches; k++) {
+            const Touch& t = w.touch[k];
+            if (!t.bounded) continue;
+            const real change = h * w.rate[t.dof];
+            const real force = t.held ? t.hold : -(t.stiffness * (t.gap + t.ahead[0] * h * change) + t.damping * (t.velocity.x + t.ahead[1] * change));
+            const real work = force * h * (tr.qd[t.dof] + (real)0.5 * change);
+            w.work += work;
+            w.effort += size(work);
+        }
+        for (int k = DOFS; k < NV; k++)
+            if (h * most(size(tr.qd[k]), size(tr.qd[k] + h * w.rate[k])) > WHIRL) w.eventful = true;
         for (int k = 0; k < NV; k++) tr.qd[k] += h * w.rate[k];
         if (forces)
             for (int k = 0; k < w.touches; k++) {

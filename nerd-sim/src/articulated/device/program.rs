@@ -9,11 +9,12 @@ use nerd_core::contact::Locus;
 use nerd_core::dynamics::Factor;
 use nerd_core::robot::{Base, JointKind, Robot};
 
+use super::super::energy::{FALL, FINEST, LABOUR, SHARE, WHIRL, WHIRL_RK4};
 use super::super::fold::FOLLOWED;
 use super::super::implicit::{CALM, HALVINGS};
 use super::super::kick::{LOST as FAR_OFF, OFF, PASSES, SETTLED};
 use super::super::stiff::{Bounds, MOST, MOST_DRAG, MOST_RK4, POWERS};
-use super::super::touch::CREEP;
+use super::super::touch::{CREEP, EVEN};
 use super::super::{ArticulatedConfig, ContactStep, Friction, Integrator, Refresh, along};
 use crate::batch::Batch;
 use crate::drive::Drive;
@@ -21,7 +22,7 @@ use crate::scene::{Material, Scene};
 use crate::system::System;
 use crate::system::capsules::{BARREL, Capsule};
 
-const KERNELS: [&str; 11] = [
+const KERNELS: [&str; 12] = [
     include_str!("linear.cuh"),
     include_str!("surface.cuh"),
     include_str!("walk.cuh"),
@@ -32,6 +33,7 @@ const KERNELS: [&str; 11] = [
     include_str!("fold.cuh"),
     include_str!("implicit.cuh"),
     include_str!("explicit.cuh"),
+    include_str!("energy.cuh"),
     include_str!("frame.cuh"),
 ];
 const ALONE: &str = include_str!("alone.cuh");
@@ -108,6 +110,10 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
     define("HELD", flag(system.held()));
     define("ALONG", flag(along(robot) && system.stand_ins.is_empty() && !robot.mimics()));
     define("HALVINGS", count(HALVINGS));
+    let watched =
+        config.contact_step == ContactStep::Implicit && system.stand_ins.is_empty() && system.folds.is_empty() && reach.faced.is_none();
+    define("WATCHED", flag(watched));
+    define("FINEST", count(FINEST));
     define("DRIVEN", flag(reach.driven));
     define("LOCI", flag(robot.contact_points.iter().any(|p| p.locus != Locus::Fixed)));
     define("FOLDS", count(system.folds.pairs.len()));
@@ -116,7 +122,8 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
     let constants = [("SETTLED", SETTLED), ("CREEP", CREEP), ("MOST_EULER", MOST), ("MOST_RK4", MOST_RK4), ("MOST_DRAG", MOST_DRAG)];
     let more =
         [("CALM", CALM), ("OFF", OFF), ("FAR_OFF", FAR_OFF), ("STIFFEST", FOLLOWED[0]), ("FOLLOWED", FOLLOWED[1]), ("BARREL", BARREL)];
-    constants.into_iter().chain(more).for_each(|(name, x)| define(name, format!("((real){})", number(x))));
+    let energy = [("EVEN", EVEN), ("SHARE", SHARE), ("LABOUR", LABOUR), ("FALL", FALL), ("WHIRL", WHIRL), ("WHIRL_RK4", WHIRL_RK4)];
+    constants.into_iter().chain(more).chain(energy).for_each(|(name, x)| define(name, format!("((real){})", number(x))));
     define("POWERS", count(POWERS));
     define("LOST", LOST.to_string());
     define("GONE", GONE.to_string());

@@ -34,6 +34,9 @@ struct Work {
     int touches;
     real weight[WEIGHTS]; // w, found once a frame; negative: not yet
     real braked[NJ + 1], damper[NJ + 1], spring[NJ + 1], pull[NJ + 1];    // as articulated/touches.rs
+    bool even;            // whether contacts and limits take the means over a substep
+    bool eventful;        // whether something was met in the frame that may give energy
+    double work, effort;  // of the drives in the frame, and its size either way
     double before[ALONG ? NQ : 1];
     Along along;
     Wrench external[FOLDS ? NL : 1];      // what links do to each other

@@ -7,7 +7,7 @@ use std::path::Path;
 
 use nalgebra::Vector3;
 use nerd_core::contact::{ContactPoint, Locus};
-use nerd_core::dynamics::{Data, bias, crba, kinematics, point_position};
+use nerd_core::dynamics::{Data, TreeFactor, bias, crba, inertias, kinematics, point_position};
 use nerd_core::robot::{Joint, JointKind, Robot, UrdfRobot};
 
 use super::base::settle;
@@ -29,6 +29,8 @@ const FRICTION: f64 = 0.7;
 const LIVELY: f64 = 20.0;
 /// Time (s) in which a motor's effort brings its own rotor to the joint's largest velocity.
 const START: f64 = 0.01;
+/// Inertia of a joint, of the robot's mass times its extent squared, that is none.
+const BARE: f64 = 1e-10;
 /// How much higher evaluations may start than a robot stands, of its extent.
 const HIGHER: f64 = 0.2;
 /// Share of a robot's height by which a leg reaches lower than what it hangs on.
@@ -120,10 +122,20 @@ pub(crate) fn derived(read: &mut UrdfRobot, path: Option<&Path>, defaults: &BTre
     let driven = floating && robot.joint_count() > 0;
     let torques = torques(robot);
     let joints = robot.joints().zip(&torques).zip(&state[coords..]);
-    let joints: Vec<JointSpec> = joints.map(|((joint, torque), q)| joint_spec(joint, *torque, *q, [weight, extent], driven)).collect();
+    let mut joints: Vec<JointSpec> = joints.map(|((joint, torque), q)| joint_spec(joint, *torque, *q, [weight, extent], driven)).collect();
+    // No URDF has the inertia of rotors, and no motion needs it but that of a joint that nothing else resists.
+    let given = |x: f64| x.is_finite() && x > 0.0;
+    for (joint, spec) in
+        bare(robot, BARE * robot.mass() * extent * extent).into_iter().zip(&mut joints).filter_map(|(bare, spec)| Some((bare?, spec)))
+    {
+        spec.armature = if given(joint.effort) && given(joint.velocity) { rounded(joint.effort * START / joint.velocity) } else { 0.0 };
+    }
     let guessed = joints.iter().filter(|j| j.armature > 0.0).map(|j| format!("{} {}", j.name, j.armature)).collect::<Vec<_>>().join(", ");
     if !guessed.is_empty() {
-        notes.push(format!("armatures not in a .toml are guesses, effort x {START} s / velocity (kg m^2 or kg): {guessed}"));
+        notes.push(format!(
+            "no link resists a turn of these joints in some pose, so they have a guessed armature, effort x {START} s / velocity (kg m^2 or kg): \
+             {guessed}; give them yours in a .toml, or fit it (`calibrate --parameters armature:JOINT`)"
+        ));
     }
     let contacts = listed(robot);
     Spec {
@@ -212,12 +224,9 @@ fn joint_spec(joint: &Joint, torque: f64, default: f64, [weight, extent]: [f64; 
     };
     let given = |x: f64| x.is_finite() && x > 0.0;
     let effort = if given(joint.effort) { joint.effort } else { gain };
-    // No URDF has the inertia of rotors.
-    let armature = if given(joint.effort) && given(joint.velocity) { rounded(joint.effort * START / joint.velocity) } else { 0.0 };
     JointSpec {
         name: joint.name.clone(),
         default,
-        armature,
         torque,
         gain: Some(if driven { effort } else { torque }),
         kp: rounded(0.6 * gain),
@@ -226,6 +235,33 @@ fn joint_spec(joint: &Joint, torque: f64, default: f64, [weight, extent]: [f64; 
         reset: StartSpec { q: about(near), ..StartSpec::default() },
         ..JointSpec::default()
     }
+}
+
+/// The joints that no link resists in some pose, each where it is among all; `least` is an inertia that rounding alone leaves.
+fn bare(robot: &Robot, least: f64) -> Vec<Option<Joint>> {
+    let mut bare = vec![None; robot.joint_count()];
+    let Some(mut tree) = TreeFactor::new(robot) else { return bare };
+    let (mut heavier, mut data, dofs) = (robot.clone(), Data::new(robot), robot.root_dofs());
+    for k in 0..8 {
+        kinematics(robot, &pose(robot, k), &mut data);
+        inertias(robot, &mut data);
+        loop {
+            let found = if tree.refill(&heavier, &data, &[], &[]) {
+                tree.spread(&heavier, &data);
+                let eases = (0..bare.len()).map(|i| (i, tree.ease(&heavier, i + usize::from(robot.floating()))));
+                eases.filter(|(_, ease)| !(ease * least < 1.0)).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i)
+            } else {
+                tree.lost().checked_sub(dofs)
+            };
+            // One that has its armature by now is lost for another reason.
+            let Some(i) = found.filter(|i| bare[*i].is_none()) else { break };
+            for joint in heavier.joints_mut().skip(i).take(1) {
+                bare[i] = Some(joint.clone());
+                joint.armature = 1.0;
+            }
+        }
+    }
+    bare
 }
 
 /// Amplitudes of random torques: the most that gravity asks for over a few poses and what accelerates the joint by [`LIVELY`] beyond,

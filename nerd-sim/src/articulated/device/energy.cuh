@@ -1,0 +1,34 @@
+// Energies of a state, as articulated/energy.rs, where what they are for is explained.
+
+struct Energy { double lively, high; };   // of motion and in springs; in gravity
+
+BIG Energy energy(Work& w, const double* scene) {
+    Tree& t = w.tree;
+    t.shift = v3(0, 0, 0);
+    kinematics(t);
+    velocities(t, t.qd);
+    see(w, scene);
+    Energy e = {0, 0};
+    onward<0, NL>([&](auto i) {
+        M3 body;
+        for (int k = 0; k < 9; k++) body.m[k] = BODY[9 * i + k];
+        const M3 r = t.rotation[i];
+        const V3 c = t.position[i] + r * read3(COM + 3 * i), v = at(t.velocity[i], c), spin = back(r, t.velocity[i].ang);
+        e.lively += 0.5 * (MASS[i] * dot(v, v) + dot(spin, body * spin));
+        if (!DOFS || i > 0) e.lively += 0.5 * ARMATURE[i] * t.qd[DOF[i]] * t.qd[DOF[i]];
+        e.high -= MASS[i] * (w.gravity.x * (stands(w, 0) + c.x) + w.gravity.y * (stands(w, 1) + c.y) + w.gravity.z * (stands(w, 2) + c.z));
+    });
+    for (int point = 0; point < NP; point++)
+        for (int c = 0; c < w.surfaces; c++) {
+            V3 n, nearest;
+            const real gap = least(meets(t, w.surface[c], point, n, nearest) - RADIUS[point], 0);
+            e.lively += 0.5 * w.surface[c].material[0] * gap * gap;
+        }
+    for (int i = 0; i < NJ; i++) {
+        const real* l = LIMIT + 4 * i;
+        const double x = t.q[COORDS + i], stretched = SPRING[i] == 0 ? 0 : x - SLACK[i];
+        const double beyond = LIMITED[i] ? x - (x < l[0] ? l[0] : x > l[1] ? l[1] : x) : 0;
+        e.lively += 0.5 * (l[2] * beyond * beyond + SPRING[i] * stretched * stretched);
+    }
+    return e;
+}
