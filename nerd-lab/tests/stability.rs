@@ -21,7 +21,7 @@ fn only_the_reference_preset_pays_a_runner() {
 #[test]
 fn every_row_can_go_red() {
     let (method, asked) = (converged(), Suite::new().rows().iter().copied().filter(|r| r.must_pass()).collect::<Vec<_>>());
-    let pairs: Vec<(&Row, Fault)> = asked.iter().flat_map(|r| Fault::ALL.map(|f| (*r, f))).collect();
+    let pairs: Vec<(&Row, Fault)> = asked.iter().flat_map(|r| Fault::ALL.iter().map(move |f| (*r, *f))).collect();
     let wrong: Vec<String> = pairs
         .par_iter()
         .filter_map(|(row, fault)| {

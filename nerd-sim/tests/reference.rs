@@ -9,6 +9,7 @@ mod common;
 use common::*;
 use nerd_core::state::{quaternion, wrap};
 use nerd_sim::prelude::*;
+use nerd_sim::rollout::{self, States};
 
 /// Rows of one trajectory: states and torques by step.
 #[derive(Default)]
@@ -31,6 +32,13 @@ fn read(file: &str, system: &System) -> Option<Vec<Trajectory>> {
         last.states.push(numbers(&states));
         let tau = if torques.is_empty() { vec![0.0; system.robot.joint_count()] } else { numbers(&torques) };
         last.torques.push(tau);
+    }
+    // As anyone reads it, the file is a table of rollouts.
+    if !system.robot.floating() {
+        let own = States::read(&Reference::path(file), system).expect("read as it is");
+        assert!(own.trajectories.values().map(|t| &t.start).eq(out.iter().map(|t| &t.states[0])), "{file}: other starts");
+        let same = |(own, t): (&rollout::Trajectory, &Trajectory)| own.torques(0) == Some(&t.torques[0][..]);
+        assert!(!own.driven || own.trajectories.values().zip(&out).all(same), "{file}: other torques");
     }
     Some(out)
 }

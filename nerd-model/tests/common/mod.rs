@@ -26,12 +26,16 @@ pub fn placed(system: &Arc<System>, base: Base, positions: Positions) -> Model {
     let network =
         TransformerConfig { embedding: 24, layers: 2, heads: 4, block: 16, positions, ..TransformerConfig::paper(inputs, outputs, 192) };
     let unit = |n: usize, variance: f64| Moments { mean: vec![0.0; n], variance: vec![variance; n], epsilon: 1e-5 };
-    let (robot, truth) = (system.name.clone(), Truth::default().name());
+    unlearned(system, base, network, Normalizer { inputs: unit(inputs, 4.0), outputs: unit(outputs, 0.01) })
+}
+
+/// A model of random weights, three times as large as training begins with.
+pub fn unlearned(system: &System, base: Base, network: TransformerConfig, normalizer: Normalizer) -> Model {
     let config = ModelConfig {
-        robot,
+        robot: system.name.clone(),
         robot_sha256: system.robot_sha256(),
         model_sha256: String::new(),
-        truth,
+        truth: Truth::default().name(),
         base,
         view: Default::default(),
         network,
@@ -43,7 +47,7 @@ pub fn placed(system: &Arc<System>, base: Base, positions: Positions) -> Model {
     };
     let mut weights = Weights::init(network, 5);
     weights.flat.iter_mut().for_each(|w| *w *= 3.0);
-    Model { config, normalizer: Normalizer { inputs: unit(inputs, 4.0), outputs: unit(outputs, 0.01) }, weights }
+    Model { config, normalizer, weights }
 }
 
 /// Largest |difference|.

@@ -22,16 +22,6 @@ fn arm(inertias: &[f64], kind: &str, dynamics: &str, spec: &str) -> Arc<System> 
     Arc::new(System::from_text("arm", &urdf(&parts), Some(&(toml + GROUND))).expect("an arm"))
 }
 
-fn presets(system: &System) -> [(&'static str, ArticulatedConfig); 4] {
-    let law = Friction::Coulomb;
-    [
-        ("paper", ArticulatedConfig::paper(system, law)),
-        ("explicit", ArticulatedConfig::explicit(8, law)),
-        ("implicit", ArticulatedConfig::implicit(4, law)),
-        ("converged", ArticulatedConfig::converged(law)),
-    ]
-}
-
 fn after(system: &Arc<System>, scene: &str, config: ArticulatedConfig, state: &[f64], frames: usize) -> Vec<Vec<f64>> {
     motion(&mut Articulated::new(config), at(system, scene, state), 0.0, frames)
 }

@@ -25,19 +25,9 @@ fn arm(links: usize) -> String {
     urdf(&parts)
 }
 
-fn solvers(system: &System) -> [(&'static str, Articulated); 3] {
-    let coulomb = Friction::Coulomb;
-    [
-        ("paper", ArticulatedConfig::paper(system, coulomb)),
-        ("implicit", ArticulatedConfig::implicit(4, coulomb)),
-        ("converged", ArticulatedConfig::converged(coulomb)),
-    ]
-    .map(|(name, config)| (name, Articulated::new(config)))
-}
-
 /// Largest excess over a limit's ends (rad or m), and as a share of its range, over two seconds under constant torques.
-fn excess(system: &Arc<System>, solver: &mut Articulated, start: &[f64], torque: f64) -> [f64; 2] {
-    let states = motion(solver, at(system, "free", start), torque, 120);
+fn excess(system: &Arc<System>, config: ArticulatedConfig, start: &[f64], torque: f64) -> [f64; 2] {
+    let states = motion(&mut Articulated::new(config), at(system, "free", start), torque, 120);
     let over = states.iter().flat_map(|state| {
         let limits = system.robot.joints().map(|j| j.limit.expect("limited"));
         state[system.robot.root_coords()..].iter().zip(limits).map(|(q, limit)| {
@@ -53,10 +43,10 @@ fn a_grip_stays_within_its_range() {
     // A heavy one, and a finger of 15 g.
     for mass in [0.2, 0.015] {
         let system = Arc::new(System::bare("grip", &grip(mass), false).expect("valid"));
-        for (name, mut solver) in solvers(&system) {
+        for (name, config) in presets(&system) {
             // Dropped through its range; pushed at its end by all its effort, and back.
             for (what, start, tau) in [("dropped", [0.0, 0.0], 0.0), ("pushed out", [0.08, 0.0], 20.0), ("pushed in", [0.0, 0.0], -20.0)] {
-                let [_, found] = excess(&system, &mut solver, &start, tau);
+                let [_, found] = excess(&system, config, &start, tau);
                 println!("{name}, {mass} kg, {what}: {:.1} % of the range beyond its end", 100.0 * found);
                 assert!(found < 0.05, "{name}, {mass} kg, {what}: {:.1} % of the range beyond its end", 100.0 * found);
                 assert!(tau == 0.0 || found > 1e-3, "{name}, {mass} kg, {what}: {found}, a limit is a spring");
@@ -73,12 +63,12 @@ fn arms_fall_into_their_limits_and_stay() {
             system.spec.gravity = [0.0; 3];
         }
         let system = Arc::new(system);
-        for (name, mut solver) in solvers(&system) {
+        for (name, config) in presets(&system) {
             let mut start = system.default_state();
             let rates = system.robot.nq() + system.robot.root_dofs();
             // Thrown against the stops.
             start[rates..].iter_mut().enumerate().for_each(|(i, v)| *v = if i % 2 == 0 { 3.0 } else { -3.0 });
-            let [_, found] = excess(&system, &mut solver, &start, 0.0);
+            let [_, found] = excess(&system, config, &start, 0.0);
             println!("{name}, {links} links: {:.1} % of the range beyond an end", 100.0 * found);
             assert!(found < 0.1, "{name}, {links} links: {:.1} % of the range beyond an end", 100.0 * found);
         }
@@ -113,8 +103,8 @@ fn a_joint_without_a_range_is_locked() {
         let system = Arc::new(System::bare("grip", &urdf, false).expect("valid"));
         let limit = system.robot.joints().next().and_then(|j| j.limit).expect("a limit");
         assert!(limit.stiffness.is_finite() && limit.stiffness > 0.0, "stiffness {}", limit.stiffness);
-        for (name, mut solver) in solvers(&system) {
-            let [most, _] = excess(&system, &mut solver, &[0.0; 2], 0.0);
+        for (name, config) in presets(&system) {
+            let [most, _] = excess(&system, config, &[0.0; 2], 0.0);
             println!("{name}: a locked joint gives way by {most:.1e} m");
             assert!(most < 4e-3, "{name}: a locked joint gives way by {most:.1e} m");
         }

@@ -1,5 +1,6 @@
 //! The articulated solver and the scenes that it meets, against closed forms and textbook values.
 
+mod cart;
 #[path = "../common/mod.rs"]
 mod common;
 mod convergence;
@@ -11,8 +12,6 @@ mod forces;
 mod friction;
 mod joints;
 mod limits;
-mod rolling;
-mod round;
 mod standing;
 mod touching;
 mod worlds;

@@ -15,6 +15,17 @@ pub fn implicit(substeps: usize) -> Articulated {
     Articulated::new(ArticulatedConfig::implicit(substeps, Friction::Coulomb))
 }
 
+/// Settings that must agree on whatever does not touch.
+pub fn presets(system: &System) -> [(&'static str, ArticulatedConfig); 4] {
+    let law = Friction::Coulomb;
+    [
+        ("paper", ArticulatedConfig::paper(system, law)),
+        ("explicit", ArticulatedConfig::explicit(8, law)),
+        ("implicit", ArticulatedConfig::implicit(4, law)),
+        ("converged", ArticulatedConfig::converged(law)),
+    ]
+}
+
 /// Environments at zero coordinates in a scene of their system.
 pub fn batch(system: &Arc<System>, scene: &str, n: usize) -> Batch {
     Batch::new(system, &system.scene(scene).expect("a scene"), n)
@@ -117,9 +128,13 @@ pub struct Reference {
 }
 
 impl Reference {
+    pub fn path(file: &str) -> std::path::PathBuf {
+        std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/reference").join(file)
+    }
+
     /// Read from `../shared/reference` beside the checkout when it is there.
     pub fn read(file: &str) -> Option<Self> {
-        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/reference").join(file);
+        let path = Self::path(file);
         if !path.exists() {
             // Past the test harness, which keeps printed lines of tests that pass to itself.
             use std::io::Write;

@@ -34,6 +34,19 @@ fn four_implicit_substeps_pass_known_physics() {
     passes(&implicit_method(4), |row| !row.name.contains("self-convergence") && row.name != "runner's momentum");
 }
 
+/// What is round rolls, precesses and tips alike at any number of substeps.
+#[test]
+fn round_bodies_move_alike_at_any_number_of_substeps() {
+    for (substeps, names) in [
+        (1, &["level rolling", "level rolling, energy", "wheel"][..]),
+        (2, &["level rolling", "level rolling, energy", "wheel"]),
+        (8, &["level rolling", "level rolling, energy", "wheel", "wobbling coin", "leaning can"]),
+        (64, &["level rolling", "level rolling, energy", "wheel", "wobbling coin", "leaning can"]),
+    ] {
+        passes(&implicit_method(substeps), |row| names.contains(&row.name));
+    }
+}
+
 /// A method without finer substeps is not failed for what it cannot be asked; words choose rows, and unknown ones are refused.
 #[test]
 fn what_cannot_be_asked_is_not_failed() {

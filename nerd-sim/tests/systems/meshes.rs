@@ -167,13 +167,13 @@ fn gltf_and_ply_are_where_their_files_put_them() {
 }
 
 #[test]
-fn a_gltf_or_ply_that_asks_for_too_much_or_lacks_something_has_a_note() {
+fn a_mesh_that_asks_for_too_much_or_lacks_something_is_passed_over_and_said() {
     let ply = |vertices: &str, rest: &str| {
         format!("ply\nformat ascii 1.0\n{vertices}\nproperty float x\nproperty float y\n{rest}end_header\n1 2\n")
     };
     let doubling: String = (1..60).map(|k| format!(r#"{{"children":[{k},{k}]}},"#)).collect::<String>() + r#"{"mesh":0}"#;
     let sparse = r#""count":4000000000,"sparse":{"count":1,"indices":{"bufferView":0,"componentType":5121},"values":{"bufferView":0}}"#;
-    for (name, text, word) in [
+    let texts = [
         ("a.gltf", gltf(r#"{"children":[0]}"#, INSIDE, ONE), "nested"),
         ("a.gltf", gltf(&doubling, INSIDE, ONE), "more than"),
         ("a.gltf", gltf(r#"{"mesh":0}"#, INSIDE, sparse), "more than"),
@@ -189,42 +189,32 @@ fn a_gltf_or_ply_that_asks_for_too_much_or_lacks_something_has_a_note() {
         ("a.ply", ply("element face 1", ""), "no vertex"),
         ("a.stl", "version https://git-lfs.github.com/spec/v1\n".into(), "git lfs pull"),
         ("a.fbx", String::new(), ".fbx"),
-    ] {
-        let system = with_mesh(name, text);
+        ("a.stl", "no mesh".into(), "a.stl"),
+        ("a.stl", String::new(), "a.stl"),
+    ];
+    let bytes = [("a.stl", stl([f32::NAN; 3], ""), "not finite"), ("a.stl", stl([0.0; 3], ""), "no size")];
+    for (name, bytes, word) in texts.map(|(name, text, word)| (name, text.into_bytes(), word)).into_iter().chain(bytes) {
+        let system = with_mesh(name, bytes);
         let notes = system.notes.join(" ");
         println!("{notes}");
-        assert!(system.robot.contact_points.is_empty() && notes.contains(word) && !notes.contains('\n'), "`{notes}` has no `{word}`");
+        assert_eq!((system.meshes.len(), system.robot.contact_points.len()), (1, 0));
+        assert!([word, "nothing touches it"].iter().all(|w| notes.contains(w)) && !notes.contains('\n'), "`{notes}` has no `{word}`");
     }
 }
 
+/// One that is not there is said, too; asked for none, none is looked for.
 #[test]
-fn a_mesh_that_cannot_be_read_is_passed_over_and_said() {
+fn a_mesh_that_is_not_there_is_said() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = brick(folder.path(), "package://bricks/meshes/brick.stl");
-    let name = path.display().to_string();
-    let said = || {
-        let system = System::named(&name).expect("a robot");
-        assert_eq!((system.meshes.len(), system.robot.contact_points.len()), (1, 0));
-        system.notes.join(" ")
-    };
-    assert!(said().contains("brick.stl: is not there"), "{}", said());
-    let mesh = folder.path().join("bricks/meshes/brick.stl");
-    for (bytes, what) in [
-        (b"no mesh".to_vec(), "brick.stl"),
-        (Vec::new(), "brick.stl"),
-        (stl([f32::NAN; 3], ""), "not finite"),
-        (stl([0.0; 3], ""), "no size"),
-    ] {
-        std::fs::write(&mesh, bytes).expect("a file");
-        let said = said();
-        assert!(said.contains(what) && said.contains("nothing touches it") && !said.contains('\n'), "{said}");
-    }
-    // Asked for none, none is looked for.
-    std::fs::write(&mesh, stl([200.0, 100.0, 50.0], "")).expect("a file");
+    let system = || System::named(&path.display().to_string()).expect("a robot");
+    let notes = system().notes.join(" ");
+    assert!(system().meshes.len() == 1 && notes.contains("brick.stl: is not there"), "{notes}");
+    std::fs::write(folder.path().join("bricks/meshes/brick.stl"), stl([200.0, 100.0, 50.0], "")).expect("a file");
     let toml = path.with_extension("toml");
     let text = std::fs::read_to_string(&toml).expect("a TOML");
     std::fs::write(&toml, format!("mesh_points = 0\n{text}")).expect("a file");
-    assert!(System::named(&name).expect("a robot").robot.contact_points.is_empty());
+    assert!(system().robot.contact_points.is_empty());
 }
 
 /// In any attitude the lowest place of a robot of many vertices, balls and wheels is one of its few contact points, within 2 mm.

@@ -8,13 +8,18 @@ use std::sync::Arc;
 
 use nerd_model::base::Base;
 use nerd_model::features::Features;
-use nerd_model::folder::{Model, ModelConfig};
+use nerd_model::folder::Model;
 use nerd_model::normalizer::{Moments, Normalizer};
 use nerd_model::transformer::{Architecture, Positions, TransformerConfig, Weights};
 use nerd_sim::prelude::*;
 use nerd_train::learner::{CpuLearner, LearnerConfig, LearnerState};
 use nerd_train::ranks::{Place, Ranks};
 use nerd_train::windows::Windows;
+
+#[path = "../../../nerd-model/tests/common/mod.rs"]
+mod models;
+
+pub use models::unlearned;
 
 /// About three thousand parameters.
 pub const NETWORK: TransformerConfig = TransformerConfig {
@@ -64,27 +69,6 @@ pub fn model(system: &Arc<System>, base: Base, positions: Positions) -> Model {
     let normalizer =
         Normalizer { inputs: moments(vec![0.0; inputs], 4.0), outputs: moments(nothing.into_iter().map(f64::from).collect(), 1e-4) };
     unlearned(system, base, network, normalizer)
-}
-
-/// A model of random weights, three times as large as training begins with.
-pub fn unlearned(system: &System, base: Base, network: TransformerConfig, normalizer: Normalizer) -> Model {
-    let config = ModelConfig {
-        robot: system.name.clone(),
-        robot_sha256: system.robot_sha256(),
-        model_sha256: String::new(),
-        truth: Truth::default().name(),
-        base,
-        view: Default::default(),
-        network,
-        data_sha256: "none".into(),
-        transitions: 0,
-        updates: 0,
-        batch: 0,
-        provenance: Default::default(),
-    };
-    let mut weights = Weights::init(network, 5);
-    weights.flat.iter_mut().for_each(|w| *w *= 3.0);
-    Model { config, normalizer, weights }
 }
 
 /// What each of so many ranks, threads here, comes to.

@@ -1,6 +1,6 @@
 //! Robots of one's own, cables, and rapier as a truth, through the verbs.
 
-use crate::{Folder, bytes, command, done, json, refused, root, text};
+use crate::{Folder, done, json, refused, root, text};
 
 const LEAD: &str = "nerd-sim/assets/cables/lead.toml";
 
@@ -39,21 +39,6 @@ fn data_of_a_cable_ask_for_its_file_unless_it_is_built_in() {
     std::fs::remove_dir_all(&out).expect("the data");
     done(&format!("dataset --robot {LEAD} --transitions 4 --frames 1 --out"), &[&out]);
     done("inspect", &[&out]);
-}
-
-#[test]
-fn data_of_rapier_are_the_same_bytes_for_any_number_of_threads() {
-    let folder = Folder::new();
-    for robot in ["pendulum", "ant"] {
-        let shard = |threads: &str| {
-            let out = folder.path(&format!("{robot}-{threads}"));
-            let line = format!("dataset --robot {robot} --truth rapier --transitions 720 --frames 20 --seed 3 --out");
-            let run = command(&line, &[&out]).env("RAYON_NUM_THREADS", threads).output().expect("started");
-            assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
-            bytes(out.join("shard-00000.safetensors"))
-        };
-        assert!(shard("1") == shard("2"), "{robot}: one thread and two record other bytes");
-    }
 }
 
 #[test]

@@ -136,31 +136,3 @@ fn a_data_set_has_one_writer_at_a_time_and_is_inspected() {
     assert!(table.contains("300"), "{table}");
     refused("inspect --robot ant", &[&out], "`pendulum`");
 }
-
-fn files(folder: &Path) -> Vec<(String, Vec<u8>)> {
-    let names = std::fs::read_dir(folder).expect("a folder").map(|f| f.expect("a file").file_name().into_string().expect("utf-8"));
-    let mut files: Vec<_> = names.map(|name| (name.clone(), bytes(folder.join(name)))).collect();
-    files.sort();
-    files
-}
-
-#[test]
-fn parts_make_the_whole_byte_by_byte() {
-    let folder = Folder::new();
-    let (whole, parts) = (folder.path("whole"), folder.path("parts"));
-    let line = |more: &str| format!("dataset --robot pendulum --transitions 17000 --frames 2 --seed 5 {more} --out");
-    done(&line(""), &[&whole]);
-    // Five shards in three parts: one alone, then two at once.
-    let alone = done(&line("--part 2/3"), &[&parts]).0;
-    assert!(alone.contains("part 2/3") && !parts.join("manifest.json").exists(), "{alone}");
-    for child in ["3/3", "1/3"].map(|part| command(&line(&format!("--part {part}")), &[&parts]).spawn().expect("started")) {
-        assert!(child.wait_with_output().expect("ended").status.success());
-    }
-    assert_eq!(files(&whole).len(), 6);
-    assert!(files(&parts) == files(&whole), "parts differ from the whole");
-    // A part that was lost, then joined by the whole's own command.
-    std::fs::remove_file(parts.join("shard-00003.safetensors")).expect("removed");
-    std::fs::remove_file(parts.join("manifest.json")).expect("removed");
-    done(&line(""), &[&parts]);
-    assert!(files(&parts) == files(&whole), "the repaired data set differs");
-}

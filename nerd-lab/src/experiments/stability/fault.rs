@@ -6,9 +6,12 @@ use nerd_core::state::{quaternion, vector};
 use nerd_sim::prelude::*;
 use nerd_sim::suite::Method;
 use serde::Deserialize;
+use strum::{IntoStaticStr, VariantArray, VariantNames};
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+/// Its names are those of a command line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, VariantArray, VariantNames, IntoStaticStr)]
 #[serde(rename_all = "kebab-case")]
+#[strum(serialize_all = "kebab-case")]
 pub enum Fault {
     /// Gravity at half its strength.
     HalfGravity,
@@ -96,35 +99,11 @@ const REDDENED: [(&str, &[Fault]); 57] = [
 ];
 
 impl Fault {
-    pub const ALL: [Self; 10] = [
-        HalfGravity,
-        NoFloor,
-        DroppedVelocity,
-        BodyAngularVelocity,
-        FrozenWorld,
-        PumpedVelocity,
-        HiddenClock,
-        SinglePrecision,
-        SwallowedErrors,
-        StrongMotors,
-    ];
-
-    /// Their names, as on a command line and as serde has them.
-    pub const NAMES: &[&str] = &[
-        "half-gravity",
-        "no-floor",
-        "dropped-velocity",
-        "body-angular-velocity",
-        "frozen-world",
-        "pumped-velocity",
-        "hidden-clock",
-        "single-precision",
-        "swallowed-errors",
-        "strong-motors",
-    ];
+    pub const ALL: &[Self] = <Self as VariantArray>::VARIANTS;
+    pub const NAMES: &[&str] = <Self as VariantNames>::VARIANTS;
 
     pub fn name(self) -> &'static str {
-        Self::NAMES[self as usize]
+        self.into()
     }
 
     pub fn of(self, method: Method) -> Method {
