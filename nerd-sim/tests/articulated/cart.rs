@@ -10,7 +10,8 @@ use super::common::*;
 
 #[test]
 fn a_cart_keeps_its_speed() {
-    let round = changed(&collision([0.0; 3], r#"<cylinder radius="0.1" length="0.04"/>"#), "<origin", r#"<origin rpy="1.5707963267948966 0 0""#);
+    let round =
+        changed(&collision([0.0; 3], r#"<cylinder radius="0.1" length="0.04"/>"#), "<origin", r#"<origin rpy="1.5707963267948966 0 0""#);
     let mut parts = vec![link("cart", 10.0, [0.0; 3], [0.2, 0.4, 0.5], "")];
     for (n, [x, y]) in [[0.3, 0.2], [0.3, -0.2], [-0.3, 0.2], [-0.3, -0.2]].into_iter().enumerate() {
         let wheel = format!("wheel{n}");
