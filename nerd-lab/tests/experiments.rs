@@ -199,14 +199,7 @@ fn a_table_counts_lost_motions_and_has_no_figure_of_them() {
 /// A policy of random weights.
 fn policy(task: &str) -> (Shape, PpoConfig, Policy) {
     let (task, ppo) = (named(task).expect("registered"), PpoConfig::of(task).expect("settings"));
-    let shape = Shape {
-        observation: task.observation_dim(),
-        stack: ppo.stack,
-        action: task.action_dim(),
-        hidden: vec![8],
-        activation: ppo.activation,
-        spread_by_state: ppo.spread_by_state,
-    };
+    let shape = Shape { hidden: vec![8], ..Shape::of(&*task, &ppo) };
     let policy = Policy::new(shape.clone(), &mut stream(1, 0));
     (shape, ppo, policy)
 }

@@ -87,21 +87,10 @@ fn whatever_is_changed_loads_as_it_was_or_is_refused() {
 
 #[test]
 fn what_cannot_be_or_does_not_fit_is_refused_with_its_key() {
-    let most = u64::MAX.to_string();
-    let shapes = [
-        ("heads", vec!["0", "7", "33", "24", "1000000000"]),
-        ("layers", vec!["0", "1000000000"]),
-        ("embedding", vec!["0", "1000000000"]),
-        ("history", vec!["0", &most]),
-        ("block", vec!["0", &most]),
-        ("head", vec!["0", &most]),
-        ("inputs", vec![&most]),
-        ("outputs", vec!["0"]),
-    ];
-    let shapes = shapes.iter().flat_map(|(key, values)| values.iter().map(move |value| (*key, value.to_string(), format!("`{key}`"))));
-    let drafts = ["0", "65", "18446744073709551615", "-1", "1.5"].map(|n| ("base", format!("{{\"draft\": {n}}}"), "config.json".into()));
+    let drafts = ["0", "65", "18446744073709551615", "-1", "1.5"].map(|n| ("base", format!("{{\"draft\": {n}}}"), "config.json"));
     // What could be, and is not what the other files hold.
     let others = [
+        ("inputs", "18446744073709551615", "`inputs`"),
         ("base", "\"flight\"", "maps"),
         ("heads", "3", "changed"),
         ("history", "9", "changed"),
@@ -110,10 +99,10 @@ fn what_cannot_be_or_does_not_fit_is_refused_with_its_key() {
         ("robot_sha256", "\"\"", "masses"),
         ("model_sha256", "\"\"", "changed"),
     ];
-    let others = others.map(|(key, value, word)| (key, value.to_string(), word.to_string()));
-    for (key, value, word) in shapes.chain(drafts).chain(others) {
+    let others = others.map(|(key, value, word)| (key, value.to_string(), word));
+    for (key, value, word) in drafts.into_iter().chain(others) {
         let error = edit(saved().path(), key, &value);
-        assert!(error.contains(&word), "{key} {value}: {error}");
+        assert!(error.contains(word), "{key} {value}: {error}");
     }
     // Each by itself can be; together they would be 13 billion parameters.
     let paper = TransformerConfig::paper(37, 4, 4096);

@@ -142,14 +142,12 @@ fn a_cylinder_rests_on_its_end_and_on_its_side() {
     for (name, radius, half) in [("rod", 0.05, 0.2), ("wheel", 0.1, 0.02), ("short rod", 0.1, 0.11)] {
         let system = body(&format!(r#"<cylinder radius="{radius}" length="{}"/>"#, 2.0 * half));
         let room = scene(DOWN, vec![floor()]);
-        // Flat, it stands on 16 points of a rim, so a wheel lies down on a side of that polygon.
-        let flat = if half < radius { radius * (1.0 - (std::f64::consts::PI / 16.0).cos()) } else { 0.0 };
-        for (turn, height, sunk) in [(UnitQuaternion::identity(), half, 0.0), (side(), radius, flat)] {
+        for (turn, height) in [(UnitQuaternion::identity(), half), (side(), radius)] {
             for (solver, mut one) in all_solvers(&system) {
                 let state = end(&mut one, resting(&system, &room, [0.0, 0.0, height + 0.002], turn), 0.0, 180);
                 let upright = (quaternion(&state[3..7]) * Vector3::z()).dot(&(turn * Vector3::z()));
                 println!("{name}, {solver}: rests at {:.5} m of {height}, axis kept to {upright:.5}", state[2]);
-                assert!((-1e-3 - sunk..1e-3).contains(&(state[2] - height)), "{name}, {solver}: rests at {} m, not {height}", state[2]);
+                assert!((-1e-3..1e-3).contains(&(state[2] - height)), "{name}, {solver}: rests at {} m, not {height}", state[2]);
                 assert!(upright > 0.999, "{name}, {solver}: its axis fell to {upright} of where it was");
             }
         }
@@ -161,7 +159,7 @@ fn a_cylinder_rests_on_its_end_and_on_its_side() {
 fn a_cylinder_rolls() {
     let a = 10f64.to_radians();
     let room = scene([9.81 * a.sin(), 0.0, -9.81 * a.cos()], vec![floor()]);
-    for (name, radius, half, allowed) in [("rod", 0.1, 0.3, 0.02), ("wheel", 0.1, 0.05, 0.15)] {
+    for (name, radius, half, allowed) in [("rod", 0.1, 0.3, 0.02), ("wheel", 0.1, 0.05, 0.025)] {
         let system = body(&format!(r#"<cylinder radius="{radius}" length="{}"/>"#, 2.0 * half));
         let expected = 0.5 * 9.81 * a.sin() / (1.0 + 0.01 / (radius * radius));
         for (solver, mut one) in solvers(&system) {

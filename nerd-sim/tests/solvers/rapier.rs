@@ -7,36 +7,8 @@ use nalgebra::UnitQuaternion;
 use nerd_core::dynamics::Data;
 use nerd_sim::prelude::*;
 use nerd_sim::scene::contacts;
-use nerd_sim::suite::{Method, Suite, Verdict};
 
 use super::common::*;
-
-/// Known physics that a rigid first-order engine follows at 4 outer steps of 4 iterations.
-#[test]
-fn rapier_passes_known_physics() {
-    let method = Method::new("rapier", |_| Box::new(Rapier::new(RapierConfig::default())));
-    for name in [
-        "free fall",
-        "off-centre spin",
-        "precession",
-        "gyroscopic energy",
-        "pendulum period",
-        "drive inertia",
-        "joint limit",
-        "universal joint",
-        "rest",
-        "tip into ground",
-        "under terrain",
-        "Markov",
-        "no number",
-    ] {
-        let suite = Suite::new();
-        let row = suite.rows().iter().find(|row| row.name == name).expect("a row");
-        let cell = row.cell(&method);
-        println!("{name}: {:?}, limit {}", cell.figure, row.limit);
-        assert_eq!(cell.verdict, Verdict::Pass, "{name}: {:?}, limit {}", (cell.figure, cell.lost), row.limit);
-    }
-}
 
 /// The tip meets the ground at about 10 m/s, 40 mm per outer step of 1/240 s: contact is seen at most one such step late.
 #[test]

@@ -1,6 +1,7 @@
 //! The stability suite: known physics passes.
 
 use nerd_sim::instruments::Hold;
+use nerd_sim::prelude::*;
 use nerd_sim::suite::{Method, Row, Suite, Verdict};
 use rayon::prelude::*;
 
@@ -16,6 +17,7 @@ fn passes(method: &Method, asked: impl Fn(&Row) -> bool + Sync) {
     let rows = suite.rows().par_iter().filter(|row| row.must_pass() && asked(row));
     let failed: Vec<String> = rows
         .map(|row| (row, row.cell(method)))
+        .inspect(|(row, cell)| println!("{}: {:?}, limit {}", row.name, cell.figure, row.limit))
         .filter(|(_, cell)| cell.verdict != Verdict::Pass)
         .map(|(row, cell)| format!("{}: {:?}, limit {}", row.name, (cell.figure, cell.lost), row.limit))
         .collect();
@@ -45,6 +47,17 @@ fn round_bodies_move_alike_at_any_number_of_substeps() {
     ] {
         passes(&implicit_method(substeps), |row| names.contains(&row.name));
     }
+}
+
+/// What a rigid first-order engine follows at 4 outer steps of 4 iterations.
+#[cfg(feature = "rapier")]
+#[test]
+fn rapier_passes_known_physics() {
+    let known = "free fall, off-centre spin, precession, gyroscopic energy, pendulum period, drive inertia, joint limit, universal joint, \
+                 rest, tip into ground, under terrain, Markov, no number";
+    let known: Vec<&str> = known.split(", ").collect();
+    assert!(known.iter().all(|name| Suite::new().rows().iter().any(|row| row.name == *name)), "a row of another name");
+    passes(&Method::new("rapier", |_| Box::new(Rapier::new(RapierConfig::default()))), |row| known.contains(&row.name));
 }
 
 /// A method without finer substeps is not failed for what it cannot be asked; words choose rows, and unknown ones are refused.

@@ -71,9 +71,7 @@ fn a_killed_run_is_finished_and_what_is_damaged_is_named() {
     let mut damaged = bytes(&best);
     *damaged.last_mut().expect("bytes") ^= 1;
     std::fs::write(&best, damaged).expect("written");
-    let run = command(&finish, &[&out]).output().expect("started");
-    let error = String::from_utf8_lossy(&run.stderr);
-    assert!(run.status.code() == Some(2) && error.contains("best.safetensors is damaged"), "{error}");
+    refused(&finish, &[&out], "best.safetensors is damaged");
 }
 
 #[test]
