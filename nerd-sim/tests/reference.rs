@@ -9,7 +9,6 @@ mod common;
 use common::*;
 use nerd_core::state::{quaternion, wrap};
 use nerd_sim::prelude::*;
-use nerd_sim::rollout::{self, States};
 
 /// Rows of one trajectory: states and torques by step.
 #[derive(Default)]
@@ -34,8 +33,10 @@ fn read(file: &str, system: &System) -> Option<Vec<Trajectory>> {
         last.torques.push(tau);
     }
     // As anyone reads it, the file is a table of rollouts.
+    #[cfg(feature = "csv")]
     if !system.robot.floating() {
-        let own = States::read(&Reference::path(file), system).expect("read as it is");
+        use nerd_sim::rollout;
+        let own = rollout::States::read(&Reference::path(file), system).expect("read as it is");
         assert!(own.trajectories.values().map(|t| &t.start).eq(out.iter().map(|t| &t.states[0])), "{file}: other starts");
         let same = |(own, t): (&rollout::Trajectory, &Trajectory)| own.torques(0) == Some(&t.torques[0][..]);
         assert!(!own.driven || own.trajectories.values().zip(&out).all(same), "{file}: other torques");
