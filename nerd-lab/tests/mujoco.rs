@@ -54,13 +54,13 @@ fn every_body_joint_and_mass_is_there() {
     }
 }
 
-/// MuJoCo refuses a range of nothing and a ball of radius 0, which a URDF may have.
+/// MuJoCo refuses a range of nothing, a ball of radius 0 and a body called `world`, which a URDF may have.
 #[test]
-fn what_has_no_size_is_written_with_some() {
-    let urdf = r#"<robot name="r"><link name="a"/><link name="b"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
-        <collision><geometry><sphere radius="0"/></geometry></collision></link><joint name="j" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/>
+fn what_mujoco_refuses_is_written_as_it_takes_it() {
+    let urdf = r#"<robot name="r"><link name="a"/><link name="world"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+        <collision><geometry><sphere radius="0"/></geometry></collision></link><joint name="j" type="revolute"><parent link="a"/><child link="world"/><axis xyz="0 1 0"/>
         <limit lower="0.5" upper="0.5" effort="1" velocity="1"/></joint></robot>"#;
-    let system = System::bare("r", urdf, false).expect("a robot");
+    let system = Arc::new(System::bare("r", urdf, false).expect("a robot"));
     let text = mjcf(&system, &system.scene("plane").expect("a plane"), &[]).expect("written");
     let numbers = |key: &str| -> Vec<f64> {
         let value = text.split(key).nth(1).and_then(|rest| rest.split('"').next()).expect("a value");
@@ -68,6 +68,10 @@ fn what_has_no_size_is_written_with_some() {
     };
     let (range, radius) = (numbers("range=\""), numbers("type=\"sphere\" size=\""));
     assert!(range[1] > range[0] && range[1] - range[0] < 1e-6 && radius[0] > 0.0 && radius[0] < 1e-6, "{range:?} {radius:?}");
+    assert_eq!(text.matches("<body name=\"world link\"").count(), 1, "{text}");
+    let Some(python) = python() else { return };
+    let batch = Batch::new(&system, &system.scene("plane").expect("a plane"), 1);
+    Referee::new(&python, &batch, 1).expect("MuJoCo takes it");
 }
 
 #[test]

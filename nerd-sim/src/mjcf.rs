@@ -111,7 +111,9 @@ fn body(
         let before: Vec<_> = before.iter().copied().chain([(i, origin)]).collect();
         return body(text, robot, scene, weight, child, &origin, &before);
     }
-    *text += &format!("<body name=\"{}\" {}>\n", escape(&link.name), pose(&origin));
+    // MuJoCo's own name of what nothing moves, and many a URDF's name of its root.
+    let name = if link.name == "world" { "world link" } else { &link.name };
+    *text += &format!("<body name=\"{}\" {}>\n", escape(name), pose(&origin));
     for (i, place) in before.iter().copied().chain([(i, origin)]) {
         let own = |j| joint(j, &(origin.inverse() * place), weight[i - usize::from(robot.floating())]);
         *text += &robot.links[i].joint.as_ref().map_or_else(|| "<freejoint/>\n".into(), own);
