@@ -20,7 +20,7 @@
 use nerd_core::dynamics::{kinematics, to_local, velocities};
 
 use super::workspace::Workspace;
-use crate::scene::Scene;
+use crate::scene::{Scene, place};
 use crate::solver::gone;
 use crate::system::System;
 
@@ -85,7 +85,9 @@ impl Workspace {
         }
         if !self.materials.is_empty() {
             for (owner, event) in self.owners.iter().zip(&self.events) {
-                let gap = (event.distance - robot.contact_points[*owner].radius).min(0.0);
+                let point = &robot.contact_points[*owner];
+                // Of a plane the event tells the normal alone, not where on its link the point lies.
+                let gap = (event.normal.dot(&(place(point, data, &event.normal) - event.p1)) - point.radius).min(0.0);
                 energy.lively += 0.5 * self.materials[event.collider].stiffness * gap * gap;
             }
         }

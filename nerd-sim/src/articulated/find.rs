@@ -1,7 +1,8 @@
 //! Finds what acts in a substep of the implicit step: contacts, dry friction, drives, joints beyond their limits.
 
 use nalgebra::Vector3;
-use nerd_core::dynamics::velocities;
+use nerd_core::contact::{ContactEvent, ContactPoint, Locus};
+use nerd_core::dynamics::{Data, velocities};
 use nerd_core::robot::Robot;
 
 use super::touch::{Contact, DryFriction, Spring, Touch};
@@ -23,16 +24,14 @@ impl Workspace {
         for (owner, event) in self.owners.iter().zip(&self.events) {
             let (point, n) = (&robot.contact_points[*owner], event.normal);
             let rotation = &data.rotation[point.link];
-            let reach = point.reach();
-            if reach > 0.0 {
-                // Wherever on its link it lies, it does not come down.
-                let (middle, twist) = (data.position[point.link] + rotation * point.local, &data.velocity[point.link]);
-                let speed = twist.at(&middle).norm() + twist.ang.norm() * reach;
-                if n.dot(&(middle - (event.p1 - data.origin))) - reach - point.radius > 0.5 * h * speed {
-                    continue;
-                }
-            }
-            let x = data.position[point.link] + rotation * point.facing(rotation, &n) - n * point.radius;
+            let local = match point.locus {
+                Locus::Fixed => point.local,
+                _ => match roams(point, data, event, 0.5 * h) {
+                    Some(local) => local,
+                    None => continue,
+                },
+            };
+            let x = data.position[point.link] + rotation * local - n * point.radius;
             let velocity = data.velocity[point.link].at(&x);
             let Some((part, gap)) = inside(n.dot(&(x - (event.p1 - data.origin))), 0.5 * h * n.dot(&velocity)) else { continue };
             let start = columns.len();
@@ -95,6 +94,16 @@ impl Workspace {
             }
         }
     }
+}
+
+/// Where a point that roams over its link is in the link's frame; none where it does not come down in half a substep, wherever it is.
+#[inline(never)]
+fn roams(point: &ContactPoint, data: &Data, event: &ContactEvent, half: f64) -> Option<Vector3<f64>> {
+    let (rotation, twist, n, reach) = (&data.rotation[point.link], &data.velocity[point.link], &event.normal, point.reach());
+    let middle = data.position[point.link] + rotation * point.local;
+    let speed = twist.at(&middle).norm() + twist.ang.norm() * reach;
+    let comes = n.dot(&(middle - (event.p1 - data.origin))) - reach - point.radius <= half * speed;
+    comes.then(|| point.facing(rotation, n))
 }
 
 /// Of a gap that is `middle` in the middle of a substep and `half` more at its end: the part of the substep in which it is
