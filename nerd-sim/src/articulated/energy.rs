@@ -31,7 +31,7 @@ pub(super) const LABOUR: f64 = 1e-3;
 /// Share of what gravity gives a robot at rest in a frame that it may gain.
 pub(super) const FALL: f64 = 1e-3;
 /// Substeps from which on a frame is not refined.
-pub(super) const FINEST: usize = 128;
+pub(super) const FINEST: usize = 1024;
 /// Turn (rad, or way in m) of a joint in a substep from which on the energy is looked at.
 pub(super) const WHIRL: f64 = 0.015;
 /// The same of Runge-Kutta's.
