@@ -78,7 +78,7 @@ impl SolverArgs {
             return Ok(Choice::Within(tolerance));
         }
         if let Some(truth) = self.truth {
-            truth.check(&system).map_err(|e| anyhow!("--truth: {e}"))?;
+            truth.check(&system.robot, system.spec.self_collision).map_err(|e| anyhow!("--truth: {e}"))?;
         }
         let solver = self.solver.unwrap_or(SolverName::Articulated);
         if solver != SolverName::Neural {
@@ -89,7 +89,7 @@ impl SolverArgs {
                 let law = self.friction.unwrap_or(Friction::Coulomb);
                 let own = if system.spec.truth == Truth::Paper { Preset::Paper } else { Preset::Accurate };
                 if self.preset == Some(Preset::Paper) {
-                    Truth::Paper.check(&system).map_err(|e| anyhow!("--preset paper: {e}"))?;
+                    Truth::Paper.check(&system.robot, system.spec.self_collision).map_err(|e| anyhow!("--preset paper: {e}"))?;
                 }
                 let mut config = match self.preset.unwrap_or(own) {
                     Preset::Accurate => ArticulatedConfig { friction: law, ..ArticulatedConfig::accurate(system) },

@@ -5,10 +5,10 @@ use nerd_core::contact::{ContactEvent, ContactPoint, Locus};
 use nerd_core::dynamics::{Data, velocities};
 use nerd_core::robot::Robot;
 
-use super::touch::{Contact, DryFriction, Spring, Touch};
+use super::touch::{Contact, DryFriction, Spring, Touch, inside, part_of};
 use super::touches::Touches;
 use super::workspace::Workspace;
-use crate::scene::{Material, Scene};
+use crate::scene::Scene;
 
 impl Workspace {
     /// The points and limits that are beyond their surface in some part of the substep in whose middle they are now.
@@ -104,25 +104,4 @@ fn roams(point: &ContactPoint, data: &Data, event: &ContactEvent, half: f64) -> 
     let speed = twist.at(&middle).norm() + twist.ang.norm() * reach;
     let comes = n.dot(&(middle - (event.p1 - data.origin))) - reach - point.radius <= half * speed;
     comes.then(|| point.facing(rotation, n))
-}
-
-/// Of a gap that is `middle` in the middle of a substep and `half` more at its end: the part of the substep in which it is
-/// negative, and its mean there. None if it never is.
-pub(super) fn inside(middle: f64, half: f64) -> Option<(f64, f64)> {
-    let (least, most) = (middle - half.abs(), middle + half.abs());
-    match (least < 0.0, most <= 0.0) {
-        (false, _) => None,
-        (true, true) => Some((1.0, middle)),
-        (true, false) => Some((least / (least - most), 0.5 * least)),
-    }
-}
-
-/// A material that acts for a part of the time.
-pub(super) fn part_of(material: &Material, part: f64) -> Material {
-    Material {
-        stiffness: part * material.stiffness,
-        damping: part * material.damping,
-        friction_damping: part * material.friction_damping,
-        friction: material.friction,
-    }
 }

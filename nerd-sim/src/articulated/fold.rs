@@ -16,17 +16,14 @@ use nerd_core::dynamics::Data;
 use nerd_core::spatial::Wrench;
 
 use super::config::Friction;
-use super::find::{inside, part_of};
 use super::force::force;
-use super::stiff::ease;
+use super::touch::{inside, part_of};
 use crate::scene::Material;
 use crate::system::System;
 use crate::system::capsules::Capsule;
 
 /// z_k and z_d.
 pub(super) const FOLLOWED: [f64; 2] = [0.5, 0.25];
-/// Touches of a pair of links at a time, at most: four carry a face that lies on another.
-const AT_ONCE: usize = 4;
 
 /// Adds to `data.external` what links do to each other in a substep h in whose middle they are now; `whole` is the frame's substep, `ease` of each
 /// pair w n.
@@ -67,14 +64,4 @@ fn followed(material: &Material, ease: f64, h: f64) -> Material {
         friction_damping: material.friction_damping.min(most),
         friction: material.friction,
     }
-}
-
-/// w n of each pair of links, in any pose: as if both were free.
-pub(super) fn eases(system: &System) -> Vec<f64> {
-    let (links, folds) = (&system.robot.links, &system.folds);
-    // No place of a capsule is moved farther than its ends; a force at its surface goes through its axis.
-    let ends = |link: usize| folds.capsules[folds.own[link].clone()].iter().flat_map(|c| [c.middle - c.half, c.middle + c.half]);
-    let most = |link: usize| ends(link).map(|end| ease(&links[link].inertia, &end)).fold(0.0, f64::max);
-    let count = |[a, b]: [usize; 2]| (folds.own[a].len() + folds.own[b].len() - 1).min(AT_ONCE) as f64;
-    folds.pairs.iter().map(|pair| (most(pair[0]) + most(pair[1])) * count(*pair)).collect()
 }

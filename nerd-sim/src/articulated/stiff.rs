@@ -18,7 +18,6 @@ use nerd_core::robot::{Joint, JointKind, Limit, Robot};
 use nerd_core::spatial::{BodyInertia, parallel_axis};
 
 use super::config::Integrator;
-use super::fold::eases;
 use crate::system::System;
 
 /// Largest r of dampers, and of limits under symplectic Euler.
@@ -27,6 +26,8 @@ pub(super) const MOST: f64 = 2.0;
 pub(super) const MOST_RK4: f64 = 5.2;
 /// Largest `h c w` of friction, by the bound on w. That of ANYmal's shins comes to 8.4, with the reference's substeps.
 pub(super) const MOST_DRAG: f64 = 12.0;
+/// Touches of a pair of links at a time, at most: four carry a face that lies on another.
+const AT_ONCE: usize = 4;
 /// Steps of the power iteration.
 pub(super) const POWERS: usize = 12;
 
@@ -180,6 +181,16 @@ pub(super) fn ease(link: &BodyInertia, point: &Vector3<f64>) -> f64 {
     let arm = (point - link.com).cross_matrix();
     let turning = link.inertia.cholesky().map_or(f64::INFINITY, |c| (arm.transpose() * c.solve(&arm)).symmetric_eigenvalues().max());
     1.0 / link.mass + if arm.amax() > 0.0 { turning } else { 0.0 }
+}
+
+/// w n of each pair of links, in any pose: as if both were free.
+fn eases(system: &System) -> Vec<f64> {
+    let (links, folds) = (&system.robot.links, &system.folds);
+    // No place of a capsule is moved farther than its ends; a force at its surface goes through its axis.
+    let ends = |link: usize| folds.capsules[folds.own[link].clone()].iter().flat_map(|c| [c.middle - c.half, c.middle + c.half]);
+    let most = |link: usize| ends(link).map(|end| ease(&links[link].inertia, &end)).fold(0.0, f64::max);
+    let count = |[a, b]: [usize; 2]| (folds.own[a].len() + folds.own[b].len() - 1).min(AT_ONCE) as f64;
+    folds.pairs.iter().map(|pair| (most(pair[0]) + most(pair[1])) * count(*pair)).collect()
 }
 
 /// A bound from below on the inertia that the joint of link `i` feels, `1 / (M^-1)_ii`, in any pose: armature, and the two

@@ -194,3 +194,24 @@ pub(super) fn ahead(z: f64) -> f64 {
 fn damper(h: f64, d: f64, w: f64) -> f64 {
     (1.0 - 1.0 / (h * d * w)).max(0.5)
 }
+
+/// Of a gap that is `middle` in the middle of a substep and `half` more at its end: the part of the substep in which it is
+/// negative, and its mean there. None if it never is.
+pub(super) fn inside(middle: f64, half: f64) -> Option<(f64, f64)> {
+    let (least, most) = (middle - half.abs(), middle + half.abs());
+    match (least < 0.0, most <= 0.0) {
+        (false, _) => None,
+        (true, true) => Some((1.0, middle)),
+        (true, false) => Some((least / (least - most), 0.5 * least)),
+    }
+}
+
+/// A material that acts for a part of the time.
+pub(super) fn part_of(material: &Material, part: f64) -> Material {
+    Material {
+        stiffness: part * material.stiffness,
+        damping: part * material.damping,
+        friction_damping: part * material.friction_damping,
+        friction: material.friction,
+    }
+}

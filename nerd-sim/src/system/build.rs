@@ -48,7 +48,7 @@ impl System {
             system.folds = folds;
             system.notes.push(note);
         }
-        system.spec.truth.check(&system).map_err(|e| wrong(format!("truth: {e}")))?;
+        system.spec.truth.check(&system.robot, !system.folds.is_empty()).map_err(|e| wrong(format!("truth: {e}")))?;
         if let Some(scene) = &system.spec.data_scene {
             system.scene(scene)?;
         }

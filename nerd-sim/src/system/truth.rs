@@ -1,9 +1,8 @@
 //! The solvers that models learn from. A model's card names its own with settings, since the same engine at other settings is another
 //! motion.
 
+use nerd_core::robot::Robot;
 use serde::{Deserialize, Serialize};
-
-use super::model::System;
 
 /// What a model learns and is compared with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -58,12 +57,12 @@ impl Truth {
         found.ok_or_else(|| format!("no truth is called `{name}`; choose from {}", known()))
     }
 
-    /// Refuses a robot that it cannot step as it says.
-    pub fn check(self, system: &System) -> Result<(), String> {
-        if self != Self::Articulated && !system.folds.is_empty() {
+    /// Refuses a robot that it cannot step as it says; `folds` tells whether its links touch each other.
+    pub fn check(self, robot: &Robot, folds: bool) -> Result<(), String> {
+        if self != Self::Articulated && folds {
             return Err("self_collision is what `articulated` alone can step; take it, or leave self_collision out".into());
         }
-        match system.robot.joints().find(|j| self == Self::Paper && j.stiffness > 0.0) {
+        match robot.joints().find(|j| self == Self::Paper && j.stiffness > 0.0) {
             Some(joint) => Err(format!(
                 "joint `{}` has a spring (stiffness), which `paper` cannot step: its method is explicit; take articulated",
                 joint.name

@@ -98,10 +98,10 @@ fn meshes_of_other_kinds_are_where_their_files_put_them() {
     };
     // In millimetres times the file's unit of two.
     let twice = r##"<node><translate>1000 0 0</translate><instance_geometry url="#g"/></node><node><translate>-1000 0 0</translate><instance_geometry url="#g"/></node>"##;
-    assert_eq!(extent("twice.dae", &dae(twice)), [[-2.2, -0.2, -0.2], [2.2, 0.2, 0.2]]);
+    assert_eq!(extent("twice.dae", dae(twice)), [[-2.2, -0.2, -0.2], [2.2, 0.2, 0.2]]);
     // A quarter turn about x takes the z of the inner node to -y.
     let inner = r##"<node><rotate>1 0 0 90</rotate><scale>1 1 1</scale><instance_node url="#n"/></node>"##;
-    let [low, high] = extent("inner.dae", &dae(inner));
+    let [low, high] = extent("inner.dae", dae(inner));
     let off = low.iter().zip([-0.2, -1.2, -0.2]).chain(high.iter().zip([0.2, -0.8, 0.2])).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(off < 1e-9, "{low:?} to {high:?}, off by {off:.1e} m");
     // Sixty nodes that show the next one twice, and one that shows itself, end in a line.

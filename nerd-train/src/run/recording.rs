@@ -58,7 +58,7 @@ impl RecordConfig {
 
     /// What the simulator is asked for, for so many transitions or up to a trajectory more; reads the policies.
     pub fn of(&self, system: &System, transitions: usize) -> Result<GenerateConfig> {
-        if let Err(reason) = self.truth(system).check(system) {
+        if let Err(reason) = self.truth(system).check(&system.robot, system.spec.self_collision) {
             refuse!("--truth: {reason}");
         }
         let Self { frames, hold, resets, seed, .. } = *self;

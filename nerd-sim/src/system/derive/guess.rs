@@ -249,7 +249,7 @@ fn bare(robot: &Robot, least: f64) -> Vec<Option<Joint>> {
             let found = if tree.refill(&heavier, &data, &[], &[]) {
                 tree.spread(&heavier, &data);
                 let eases = (0..bare.len()).map(|i| (i, tree.ease(&heavier, i + usize::from(robot.floating()))));
-                eases.filter(|(_, ease)| !(ease * least < 1.0)).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i)
+                eases.filter(|(_, ease)| ease.is_nan() || ease * least >= 1.0).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i)
             } else {
                 tree.lost().checked_sub(dofs)
             };
