@@ -145,6 +145,12 @@ impl ContactPoint {
 }
 
 impl Locus {
+    /// Whether it is one place of the link.
+    #[inline(always)]
+    pub fn is_fixed(&self) -> bool {
+        matches!(self, Self::Fixed)
+    }
+
     /// `normal` in the link frame; of a disc its own point, or the deepest one.
     fn facing(&self, middle: &Vector3<f64>, normal: &Vector3<f64>, own: bool) -> Vector3<f64> {
         match self {

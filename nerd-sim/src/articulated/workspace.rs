@@ -58,15 +58,18 @@ impl Workspace {
     pub(super) fn query(&mut self, system: &System, scene: &Scene, qd: &[f64], time: f64, margin: f64) -> Result<(), String> {
         let robot = &system.robot;
         self.events.clear();
-        let mut lost = false;
         if let [only] = &scene.colliders[..] {
-            // It is looked at wherever it is, by every point in turn.
+            // It is looked at wherever it is, by every point in turn. Of a plane its normal is all that is asked for, so the middle of where
+            // a point may be is as good as the point.
+            let flat = only.plane.is_some();
             for point in &robot.contact_points {
                 let middle = point_position(&self.data, point.link, &point.local);
-                // Of a plane its normal is all that is asked for.
-                let event = if only.plane.is_some() { only.query(&middle) } else { only.meets(point, &self.data, &middle) };
-                lost |= event.distance.is_nan();
-                self.events.push(event);
+                // One push each: an event that comes from either is copied by way of the stack, at a tenth of a substep.
+                if flat || point.locus.is_fixed() {
+                    self.events.push(only.query(&middle));
+                } else {
+                    self.events.push(only.search(point, &self.data, &middle));
+                }
             }
         } else {
             velocities(robot, qd, &mut self.data);
@@ -78,8 +81,8 @@ impl Workspace {
                 scene.meetings(point, &self.data, point.radius + margin + time * speed, &mut self.events);
                 self.owners.resize(self.events.len(), index);
             }
-            lost = self.events.iter().any(|e| e.distance.is_nan());
         }
+        let lost = self.events.iter().any(|e| e.distance.is_nan());
         if lost { Err(self.lost(robot, scene)) } else { Ok(()) }
     }
 

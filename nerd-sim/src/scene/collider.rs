@@ -1,7 +1,7 @@
 //! Static bodies as parry shapes, the same for every solver, the learned one included. A plane is solved in closed form, never as a mesh.
 
 use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
-use nerd_core::contact::{ContactEvent, ContactPoint, Locus};
+use nerd_core::contact::{ContactEvent, ContactPoint};
 use nerd_core::dynamics::{Data, point_position};
 use nerd_core::robot::{Shape, ShapeKind};
 use parry3d_f64::math::{Pose, Rotation, Vector as ParryVector};
@@ -139,10 +139,11 @@ impl Collider {
     /// The same for a contact point wherever it lies on its link, whose kinematics are in `data`; `middle` is its middle in the world.
     #[inline(always)]
     pub(crate) fn meets(&self, point: &ContactPoint, data: &Data, middle: &Vector3<f64>) -> ContactEvent {
-        if point.locus == Locus::Fixed { self.query(middle) } else { self.search(point, data, middle) }
+        if point.locus.is_fixed() { self.query(middle) } else { self.search(point, data, middle) }
     }
 
-    fn search(&self, point: &ContactPoint, data: &Data, middle: &Vector3<f64>) -> ContactEvent {
+    #[inline(never)]
+    pub(crate) fn search(&self, point: &ContactPoint, data: &Data, middle: &Vector3<f64>) -> ContactEvent {
         let rotation = &data.rotation[point.link];
         let at = |local: &Vector3<f64>| point_position(data, point.link, local);
         if let Some(plane) = &self.plane {
