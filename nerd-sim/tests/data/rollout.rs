@@ -33,10 +33,13 @@ fn faults_name_file_line_and_column() {
         assert!(said.starts_with(&path.display().to_string()), "{said}");
         words.iter().for_each(|word| assert!(said.contains(word), "`{said}` does not name {word}"));
     };
-    let cases: [(&str, &str, [&str; 2]); 11] = [
+    let cases: [(&str, &str, [&str; 2]); 15] = [
+        ("twice", "traj,step,q1,q1,q2,qd1,qd2\n0,0,1,1,1,1,1\n", ["line 1", "`q1` appears twice"]),
         ("blank", "traj,step,q1, q1,q2,qd1,qd2\n0,0,1,1,1,1,1\n", ["line 1", "`q1` appears twice"]),
+        ("again", "traj,step,q1,q2,qd1,qd2\n0,0,0,0,0,0\n0,1,,,,\n0,0,1,1,1,1\n", ["line 4", "step 0 already on line 2"]),
         ("later", "traj,step,q1,q2,qd1,qd2\n0,0,0,0,0,0\n0,1,,,,\n0,1,,,,\n", ["line 4", "step 1 already on line 3"]),
         ("far", "traj,step,q1,q2,qd1,qd2\n0,0,0,0,0,0\n0,4294967296,,,,\n", ["line 3, column `step`", "0 to 1000000"]),
+        ("farther", "traj,step,q1,q2,qd1,qd2\n0,99999999999999999999,,,,\n", ["line 2, column `step`", "whole number"]),
         ("negative", "traj,step,q1,q2,qd1,qd2\n-1,0,0,0,0,0\n", ["line 2, column `traj`", "`-1`"]),
         ("infinite", "traj,step,q1,q2,qd1,qd2\n0,0,0,inf,0,0\n", ["line 2, column `q2`", "`inf`"]),
         ("empty", "traj,step,q1,q2,qd1,qd2\n0,0,0,,0,0\n", ["line 2, column `q2`", "``"]),
@@ -45,6 +48,7 @@ fn faults_name_file_line_and_column() {
         ("half", "traj,step,q1,q2,qd1,qd2,tau1\n0,0,0,0,0,0,0\n", ["no column `tau2`", "for torques, tau1, tau2"]),
         ("other", "traj,step,q1,q2,qd1,qd2,tau_1,tau_2\n0,0,0,0,0,0,0,0\n", ["no column `tau1`", "there are"]),
         ("gap", "traj,step,q1,q2,qd1,qd2,tau1,tau2\n0,0,0,0,0,0,0,0\n0,2,,,,,,\n", ["trajectory 0", "no torques at step 1"]),
+        ("rows", "traj,step,q1,q2,qd1,qd2\n", ["no rows", "header"]),
     ];
     for (name, text, words) in cases {
         refused(&write(folder.path(), &format!("{name}.csv"), text.as_bytes()), &pendulum, &words);

@@ -3,6 +3,7 @@
 mod campaign;
 mod project;
 mod ranks;
+mod reference;
 mod refusals;
 mod report;
 mod robots;
