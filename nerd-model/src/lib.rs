@@ -11,6 +11,7 @@ pub mod neural;
 pub mod normalizer;
 pub mod pick;
 pub mod program;
+pub mod slopes;
 pub mod transformer;
 
 /// Where burn computes: `BurnDevice::flex()`, the CPU.

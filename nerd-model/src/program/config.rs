@@ -10,6 +10,8 @@ pub enum Architecture {
     /// The causal Transformer.
     #[default]
     Transformer,
+    /// Its blocks without attention, over single tokens.
+    Residual,
     /// A perceptron over single tokens.
     Mlp,
     /// Gated recurrent units.

@@ -8,6 +8,7 @@ impl TransformerConfig {
     pub fn program(&self) -> Program {
         match self.architecture {
             Architecture::Transformer => transformer(self),
+            Architecture::Residual => residual(self),
             Architecture::Mlp => mlp(self),
             Architecture::Gru | Architecture::Lstm => recurrent(self),
             Architecture::Chain => chain(self),
@@ -55,12 +56,28 @@ fn transformer(c: &TransformerConfig) -> Program {
         let qkv = p.normed(&of("norm_attn"), &of("attn.qkv"), x, 3 * e, small);
         let mixed = p.then(qkv, e, Op::Attend { heads: c.heads, band });
         p.residual(&of("attn.proj"), mixed, x, scaled);
-        let up = p.normed(&of("norm_mlp"), &of("mlp.up"), x, 4 * e, small);
-        let active = p.then(up, 4 * e, Op::Activate(Activation::Gelu));
-        p.residual(&of("mlp.down"), active, x, scaled);
+        perceptron(&mut p, i, x, [small, scaled]);
     }
     let x = p.normed("norm", "out", x, e, small);
     head(p, x, c)
+}
+
+/// The Transformer of a single token: attention over one key is the value itself, so it is left out.
+fn residual(c: &TransformerConfig) -> Program {
+    let (small, scaled) = (Init::Normal(0.02), Init::Normal(0.02 / (c.layers as f64).sqrt()));
+    let mut p = Program::new(c.inputs);
+    let x = p.linear("embed", p.tokens(), c.embedding, [small, Init::Constant(0.0)]);
+    (0..c.layers).for_each(|i| perceptron(&mut p, i, x, [small, scaled]));
+    let x = p.normed("norm", "out", x, c.embedding, small);
+    head(p, x, c)
+}
+
+/// `x += W_down gelu(W_up LN(x))` of a block.
+fn perceptron(p: &mut Program, block: usize, x: Slot, [up, down]: [Init; 2]) {
+    let (of, wide) = (|name: &str| format!("blocks.{block}.{name}"), 4 * p.width(x));
+    let up = p.normed(&of("norm_mlp"), &of("mlp.up"), x, wide, up);
+    let active = p.then(up, wide, Op::Activate(Activation::Gelu));
+    p.residual(&of("mlp.down"), active, x, down);
 }
 
 /// A perceptron over single tokens, to be compared with the Transformer (paper A.3.3.1): a window is one token.

@@ -30,7 +30,7 @@ impl RunConfig {
             Base::Draft(n) => (BaseName::Draft, n),
             Base::Nothing => refuse!("the model predicts states; say with --recipe how it is trained on"),
         };
-        if network.architecture != Architecture::Transformer || model.view != View::Own {
+        if !matches!(network.architecture, Architecture::Transformer | Architecture::Residual) || model.view != View::Own {
             refuse!("the model is a chain or one of NeRD's rivals; say with --recipe how it is trained on");
         }
         (run.embedding, run.layers, run.history) = (network.embedding, network.layers, network.history);

@@ -107,6 +107,7 @@ impl RunConfig {
             (!recorded && self.fresh > 0, "--fresh records by itself: leave out --data"),
             (!recorded && !self.record.policy.is_empty(), "--policy records by itself: leave out --data"),
             (chain && self.stream, "--stream means nothing with --variant chain"),
+            (self.history == 1 && self.stream, "--stream means nothing with --history 1: a single token has no place in time"),
             (chain && self.base != BaseName::State, "--base means nothing with --variant chain"),
             (chain && self.fresh > 0, "--fresh means nothing with --variant chain"),
             (chain && self.epsilon.is_some(), "--epsilon means nothing with --variant chain"),
@@ -151,7 +152,10 @@ impl RunConfig {
         } else {
             let paper = TransformerConfig::paper(Features::inputs(system, form), Features::outputs(system), embedding);
             let heads = (embedding / self.head_width.max(1)).max(1);
-            TransformerConfig { layers, heads, history, block: self.block.max(history), ..paper }
+            match history {
+                1 => TransformerConfig { layers, heads: 1, history, block: 1, architecture: Architecture::Residual, ..paper },
+                _ => TransformerConfig { layers, heads, history, block: self.block.max(history), ..paper },
+            }
         };
         if self.stream {
             network.positions = Positions::Rotary;

@@ -1,0 +1,137 @@
+//! Slopes of a frame around the network: of a token by the state, and of the next state by prediction and state, as vector-Jacobian
+//! products.
+//!
+//! A gradient by a state has the `2 nv` numbers of its tangent space: `[pose, velocities]`, each as in `qd`, angular part first. Those of a
+//! free root are by a turn, a shift (m), an angular and a linear velocity of the root in **its own axes**, `R -> R exp(t)`, `x -> x + R d`,
+//! `a = R^-1 w`, `b = R^-1 x_dot`. With the predicted change `(d, n, c_a, c_b)` of the root a frame is
+//!
+//! ```text
+//! A = a + c_a   B = b + c_b + A x d   x' = x + R d   R' = R n   a' = n^-1 A   b' = n^-1 B
+//! ```
+//!
+//! and joints add. Contacts are found anew in every frame. What is held constant is the curvature of surfaces (normals turn with the root,
+//! not with the place), which vertex of a hull and which place of a rim is deepest, and which contacts are near enough to be seen.
+
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use nerd_core::contact::ContactEvent;
+use nerd_core::dynamics::{Data, kinematics};
+use nerd_core::robot::Robot;
+use nerd_core::spatial::Wrench;
+use nerd_core::state::{quaternion, vector};
+use nerd_sim::system::System;
+
+use crate::features::Features;
+
+/// Velocity of a free root in its own axes, `(a, b)`.
+pub fn own_velocity(state: &[f64], nq: usize) -> [Vector3<f64>; 2] {
+    let (x, r) = (vector(&state[..3]), quaternion(&state[3..7]));
+    let (w, v) = (vector(&state[nq..]), vector(&state[nq + 3..]));
+    [r.inverse_transform_vector(&w), r.inverse_transform_vector(&(v - x.cross(&w)))]
+}
+
+/// What a token is made of.
+pub struct Seen<'a> {
+    /// `[q, qd]`.
+    pub state: &'a [f64],
+    /// Of every contact point.
+    pub contacts: &'a [ContactEvent],
+    /// Gravity (m/s^2).
+    pub gravity: Vector3<f64>,
+}
+
+/// Adds to `slope`, by the state, what [`Features::token`] makes of a gradient by its token. Views and bases other than the robot's own and
+/// the state have none.
+pub fn token_back(system: &System, seen: &Seen, by_token: &[f32], data: &mut Data, slope: &mut [f64]) {
+    let (robot, Seen { state, contacts, gravity }) = (&system.robot, seen);
+    let (nv, dofs, joints) = (robot.nv(), robot.root_dofs(), robot.joint_count());
+    let mut rest = by_token;
+    let mut take = |n: usize| {
+        let (now, later) = rest.split_at(n);
+        rest = later;
+        now
+    };
+    let add = |slope: &mut [f64], by: &[f32]| slope.iter_mut().zip(by).for_each(|(s, g)| *s += f64::from(*g));
+    // The root is at its own origin.
+    take(robot.root_coords());
+    add(&mut slope[dofs..nv], take(joints));
+    add(&mut slope[nv..], take(nv));
+    if !Features::situated(system) {
+        return;
+    }
+    kinematics(robot, state, data);
+    let (r, o) = (data.rotation[0], data.origin + data.position[0]);
+    let mut loads = vec![Wrench::default(); robot.links.len()];
+    // By a turn of the frame, and a shift of it (own axes).
+    let (mut turn, mut shift) = (Vector3::zeros(), Vector3::zeros());
+    let count = contacts.len();
+    let [normals, places, depths] = [take(3 * count), take(3 * count), take(count)];
+    let three = |all: &[f32], k: usize| Vector3::new(all[3 * k], all[3 * k + 1], all[3 * k + 2]).map(f64::from);
+    for (k, (event, point)) in contacts.iter().zip(&robot.contact_points).enumerate() {
+        if event.distance >= point.threshold() {
+            continue;
+        }
+        let (by_normal, by_place) = (three(normals, k), three(places, k));
+        turn += by_normal.cross(&r.tr_mul(&event.normal)) + by_place.cross(&r.tr_mul(&(event.p1 - o)));
+        shift -= by_place;
+        // The nearest place follows the point along the surface.
+        let by_p1 = r * by_place;
+        let force = by_p1 + event.normal * (f64::from(depths[k]) - event.normal.dot(&by_p1));
+        loads[point.link] += Wrench::force_at(force, &(event.p0 - data.origin));
+    }
+    take(joints);
+    turn += three(take(3), 0).cross(&r.tr_mul(&(gravity / gravity.norm().max(f64::MIN_POSITIVE))));
+    let at = o - data.origin;
+    loads[0] += Wrench::force_at(r * shift, &at);
+    loads[0].ang += r * turn;
+    carried(robot, data, &mut loads, slope);
+}
+
+/// Adds what wrenches on links, about the common origin, do along each degree of freedom of the pose.
+fn carried(robot: &Robot, data: &Data, loads: &mut [Wrench], slope: &mut [f64]) {
+    for (i, link) in robot.links.iter().enumerate().rev() {
+        let load = loads[i];
+        match link.joint {
+            Some(_) => slope[data.dof[i]] += data.axis[i].dot(&load),
+            None => {
+                let (r, x): (Matrix3<f64>, Vector3<f64>) = (data.rotation[i], data.position[i]);
+                let parts = [r.tr_mul(&(load.ang - x.cross(&load.lin))), r.tr_mul(&load.lin)];
+                slope.iter_mut().zip(parts.iter().flatten()).for_each(|(s, g)| *s += g);
+            }
+        }
+        if let Some(parent) = link.parent {
+            loads[parent] += load;
+        }
+    }
+}
+
+/// Adds to `slope`, by the state, what [`Features::apply`] on a base of the state makes of an `upstream` gradient by the next state, and
+/// writes that by the predicted `change`.
+pub fn apply_back(robot: &Robot, state: &[f64], change: &[f64], upstream: &[f64], slope: &mut [f64], by_change: &mut [f64]) {
+    let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
+    for i in 0..nv - dofs {
+        by_change[coords + i] = upstream[dofs + i];
+        by_change[nq + dofs + i] = upstream[nv + dofs + i];
+        slope[dofs + i] += upstream[dofs + i];
+        slope[nv + dofs + i] += upstream[nv + dofs + i];
+    }
+    if !robot.floating() {
+        return;
+    }
+    let [a, b] = own_velocity(state, nq);
+    let (d, raw) = (vector(change), Quaternion::new(change[6], change[3], change[4], change[5]));
+    let n = UnitQuaternion::from_quaternion(raw);
+    let part = |all: &[f64], at: usize| vector(&all[at..]);
+    let spin = a + part(change, nq);
+    let speed = b + part(change, nq + 3) + spin.cross(&d);
+    let [by_turn, by_shift, by_a, by_b] = [0, 3, nv, nv + 3].map(|at| part(upstream, at));
+    let (by_spin, by_speed, by_x) = (n * by_a, n * by_b, n * by_shift);
+    let by_own = by_spin + d.cross(&by_speed);
+    let by_n = by_turn + by_a.cross(&n.inverse_transform_vector(&spin)) + by_b.cross(&n.inverse_transform_vector(&speed));
+    let by_quaternion = n.into_inner() * Quaternion::from_imag(by_n * (2.0 / raw.norm()));
+    by_change[..3].copy_from_slice((by_x + by_speed.cross(&spin)).as_slice());
+    by_change[3..7].copy_from_slice(by_quaternion.coords.as_slice());
+    by_change[nq..nq + 3].copy_from_slice(by_own.as_slice());
+    by_change[nq + 3..nq + 6].copy_from_slice(by_speed.as_slice());
+    let parts = [(0, n * by_turn + d.cross(&by_x)), (3, by_x), (nv, by_own), (nv + 3, by_speed)];
+    parts.iter().for_each(|(at, g)| slope[*at..at + 3].iter_mut().zip(g.iter()).for_each(|(s, g)| *s += g));
+}

@@ -1,0 +1,155 @@
+//! Vector-Jacobian products of tokens and of what follows a prediction, against central differences.
+
+use std::sync::Arc;
+
+use nalgebra::{UnitQuaternion, Vector3};
+use nerd_core::dynamics::Data;
+use nerd_core::state::{quaternion, vector, write_quaternion};
+use nerd_model::base::Base;
+use nerd_model::features::Features;
+use nerd_model::slopes::{Seen, apply_back, own_velocity, token_back};
+use nerd_sim::prelude::*;
+use nerd_sim::sampling::{Start, start, stream};
+use nerd_sim::scene::contacts;
+
+/// Numbers about 0 of about this size, always the same.
+fn some(n: usize, size: f64) -> Vec<f64> {
+    (0..n).map(|k| size * (1.7 * k as f64 + 0.3).sin()).collect()
+}
+
+/// A state moved by so much along tangent direction k.
+fn moved(system: &System, state: &[f64], k: usize, by: f64) -> Vec<f64> {
+    let (robot, mut to) = (&system.robot, state.to_vec());
+    let (nq, nv, dofs) = (robot.nq(), robot.nv(), robot.root_dofs());
+    if !robot.floating() || k % nv >= dofs {
+        to[if k < nv { robot.root_coords() + k - dofs } else { nq + k - nv }] += by;
+        return to;
+    }
+    let mut own = own_velocity(state, nq);
+    let (mut x, mut r) = (vector(&state[..3]), quaternion(&state[3..7]));
+    let along = Vector3::ith(k % nv % 3, by);
+    match (k / nv, k % nv / 3) {
+        (0, 0) => r *= UnitQuaternion::from_scaled_axis(along),
+        (0, _) => x += r * along,
+        (_, part) => own[part] += along,
+    }
+    let w = r * own[0];
+    to[..3].copy_from_slice(x.as_slice());
+    write_quaternion(&mut to[3..7], &r);
+    to[nq..nq + 3].copy_from_slice(w.as_slice());
+    to[nq + 3..nq + 6].copy_from_slice((r * own[1] + x.cross(&w)).as_slice());
+    to
+}
+
+/// A state by which another lies from it, in the tangent space.
+fn difference(system: &System, a: &[f64], b: &[f64]) -> Vec<f64> {
+    let robot = &system.robot;
+    let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
+    let mut out = vec![0.0; 2 * nv];
+    for i in 0..nv - dofs {
+        out[dofs + i] = b[coords + i] - a[coords + i];
+        out[nv + dofs + i] = b[nq + dofs + i] - a[nq + dofs + i];
+    }
+    if robot.floating() {
+        let (r, to) = (quaternion(&a[3..7]), quaternion(&b[3..7]));
+        out[..3].copy_from_slice((r.inverse() * to).scaled_axis().as_slice());
+        out[3..6].copy_from_slice(r.inverse_transform_vector(&(vector(b) - vector(a))).as_slice());
+        let ([a0, a1], [b0, b1]) = (own_velocity(a, nq), own_velocity(b, nq));
+        out[nv..nv + 3].copy_from_slice((b0 - a0).as_slice());
+        out[nv + 3..nv + 6].copy_from_slice((b1 - a1).as_slice());
+    }
+    out
+}
+
+fn worst(found: &[f64], expected: &[f64]) -> f64 {
+    let largest = expected.iter().fold(1e-9, |most: f64, x| most.max(x.abs()));
+    found.iter().zip(expected).map(|(a, b)| (a - b).abs() / largest).fold(0.0, f64::max)
+}
+
+const ROBOTS: [(&str, &str); 6] =
+    [("cartpole", "free"), ("pendulum", "ground1"), ("cube", "ground"), ("franka", "free"), ("ant", "ground"), ("anymal", "ground")];
+
+#[test]
+fn a_gradient_by_a_token_comes_to_the_state_as_differences_say() {
+    for (robot, scene) in ROBOTS {
+        let system = System::named(robot).expect("built in");
+        let scene = system.scene(scene).expect("built in");
+        let (mut features, mut data) = (Features::new(&system, Base::State), Data::new(&system.robot));
+        let inputs = Features::inputs(&system, Base::State);
+        let (by_token, torques) = (some(inputs, 1.0), some(system.robot.joint_count(), 1.0));
+        let (mut off, mut near) = (0.0f64, 0);
+        for seed in 0..40 {
+            let first = start(&system, if seed % 2 == 0 { Start::Reset } else { Start::Sample }, &mut stream(7, seed));
+            let mut simulation = Simulation::new(Batch::new(&system, &scene, 1), Articulated::new(ArticulatedConfig::accurate(&system)));
+            simulation.reset(0, &first);
+            (0..seed).for_each(|_| simulation.step(&vec![0.0; system.robot.joint_count()]).expect("a frame"));
+            let state = simulation.batch.state(0).to_vec();
+            let mut events = Vec::new();
+            let mut token = |state: &[f64]| {
+                let mut token = vec![0.0f32; inputs];
+                contacts(&system.robot, &scene, state, &mut data, &mut events);
+                features.token(state, state, &events, &torques, &scene.gravity, &mut token);
+                token.iter().zip(&by_token).map(|(x, g)| f64::from(*x) * g).sum::<f64>()
+            };
+            let h = 2e-3;
+            let expected: Vec<f64> = (0..2 * system.robot.nv())
+                .map(|k| (token(&moved(&system, &state, k, h)) - token(&moved(&system, &state, k, -h))) / (2.0 * h))
+                .collect();
+            let mut slope = vec![0.0; 2 * system.robot.nv()];
+            contacts(&system.robot, &scene, &state, &mut data, &mut events);
+            // Where a contact comes into sight a token jumps.
+            if events.iter().zip(&system.robot.contact_points).any(|(e, p)| (e.distance - p.threshold()).abs() < 0.01) {
+                continue;
+            }
+            near += events.iter().zip(&system.robot.contact_points).filter(|(e, p)| e.distance < p.threshold()).count();
+            let by: Vec<f32> = by_token.iter().map(|x| *x as f32).collect();
+            token_back(&system, &Seen { state: &state, contacts: &events, gravity: scene.gravity }, &by, &mut data, &mut slope);
+            off = off.max(worst(&slope, &expected));
+        }
+        println!("{robot}: {near} contacts, {off:.1e} of the largest slope off");
+        assert!(off < 2e-3, "{robot}: {off:.1e}");
+        assert!(near > 0 || scene.colliders.is_empty(), "{robot} touches nothing");
+    }
+}
+
+#[test]
+fn a_gradient_by_the_next_state_comes_to_prediction_and_state_as_differences_say() {
+    for (robot, _) in ROBOTS {
+        let system: Arc<System> = System::named(robot).expect("built in");
+        let (mut features, d, n) = (Features::new(&system, Base::State), system.robot.state_dim(), 2 * system.robot.nv());
+        let state = start(&system, Start::Sample, &mut stream(9, 1));
+        let mut change = some(d, 0.1);
+        if system.robot.floating() {
+            change[6] = 1.1;
+        }
+        let upstream = some(n, 1.0);
+        let mut apply = |state: &[f64], change: &[f64]| {
+            let mut next = vec![0.0; d];
+            features.apply(state, state, change, &mut next);
+            next
+        };
+        let next = apply(&state, &change);
+        let value = |to: &[f64]| difference(&system, &next, to).iter().zip(&upstream).map(|(x, g)| x * g).sum::<f64>();
+        let h = 1e-5;
+        let by_state: Vec<f64> = (0..n)
+            .map(|k| {
+                let [ahead, behind] = [h, -h].map(|h| value(&apply(&moved(&system, &state, k, h), &change)));
+                (ahead - behind) / (2.0 * h)
+            })
+            .collect();
+        let by_prediction: Vec<f64> = (0..d)
+            .map(|k| {
+                let [ahead, behind] = [h, -h].map(|h| {
+                    let mut change = change.clone();
+                    change[k] += h;
+                    value(&apply(&state, &change))
+                });
+                (ahead - behind) / (2.0 * h)
+            })
+            .collect();
+        let (mut slope, mut by_change) = (vec![0.0; n], vec![0.0; d]);
+        apply_back(&system.robot, &state, &change, &upstream, &mut slope, &mut by_change);
+        let off = [worst(&slope, &by_state), worst(&by_change, &by_prediction)];
+        assert!(off[0].max(off[1]) < 1e-6, "{robot}: by the state {:.1e}, by the prediction {:.1e} off", off[0], off[1]);
+    }
+}
