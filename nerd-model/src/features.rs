@@ -17,6 +17,7 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use nerd_core::contact::ContactEvent;
 use nerd_core::dynamics::{Data, kinematics, link_pose, point_position};
 use nerd_core::frames::RootFrame;
+use nerd_core::robot::Robot;
 use nerd_core::state::{quaternion, wrap, wrap_state, write_quaternion};
 use nerd_sim::system::System;
 
@@ -43,8 +44,8 @@ impl Features {
     }
 
     /// Whether the robot has surroundings: it has contact points or a free base.
-    pub(crate) fn situated(system: &System) -> bool {
-        system.robot.floating() || !system.robot.contact_points.is_empty()
+    pub(crate) fn situated(robot: &Robot) -> bool {
+        robot.floating() || !robot.contact_points.is_empty()
     }
 
     /// Width of a token.
@@ -53,7 +54,7 @@ impl Features {
         let drafted = if matches!(base, Base::Draft(_)) { system.robot.state_dim() } else { 0 };
         let plain = system.robot.state_dim() + system.robot.joint_count() + drafted;
         let a_point = if base.moves() { 10 } else { 7 };
-        if Self::situated(system) && view != View::Blind { plain + a_point * system.robot.contact_points.len() + 3 } else { plain }
+        if Self::situated(&system.robot) && view != View::Blind { plain + a_point * system.robot.contact_points.len() + 3 } else { plain }
     }
 
     /// Width of a prediction.
@@ -90,7 +91,7 @@ impl Features {
         if !drafted.is_empty() {
             self.target(state, state, base, drafted);
         }
-        if !Self::situated(&self.system) {
+        if !Self::situated(&self.system.robot) {
             cast(state, &mut out[..d]);
             cast(torques, &mut out[d..]);
             return;

@@ -18,7 +18,6 @@ use nerd_core::dynamics::{Data, kinematics};
 use nerd_core::robot::Robot;
 use nerd_core::spatial::Wrench;
 use nerd_core::state::{quaternion, vector};
-use nerd_sim::system::System;
 
 use crate::features::Features;
 
@@ -41,8 +40,8 @@ pub struct Seen<'a> {
 
 /// Adds to `slope`, by the state, what [`Features::token`] makes of a gradient by its token. Views and bases other than the robot's own and
 /// the state have none.
-pub fn token_back(system: &System, seen: &Seen, by_token: &[f32], data: &mut Data, slope: &mut [f64]) {
-    let (robot, Seen { state, contacts, gravity }) = (&system.robot, seen);
+pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f32], data: &mut Data, slope: &mut [f64]) {
+    let Seen { state, contacts, gravity } = seen;
     let (nv, dofs, joints) = (robot.nv(), robot.root_dofs(), robot.joint_count());
     let mut rest = by_token;
     let mut take = |n: usize| {
@@ -55,7 +54,7 @@ pub fn token_back(system: &System, seen: &Seen, by_token: &[f32], data: &mut Dat
     take(robot.root_coords());
     add(&mut slope[dofs..nv], take(joints));
     add(&mut slope[nv..], take(nv));
-    if !Features::situated(system) {
+    if !Features::situated(robot) {
         return;
     }
     kinematics(robot, state, data);

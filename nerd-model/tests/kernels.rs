@@ -113,12 +113,12 @@ fn kernels_tell_and_apply_as_the_solver_does() {
         let (mut own, noted) = (batch.clone(), Arc::new(Mutex::new(Vec::new())));
         let given = Given { predictions: predictions.clone(), tokens: noted.clone() };
         Neural::new(model.clone(), &system, Box::new(given)).step(&mut own, &torques).expect("finite");
-        let config = settings(&model, &system).expect("it has kernels").0;
+        let config = settings(model.config.form(), &system).expect("it has kernels").0;
         // A cable's end is so light that 32 bits tell its rates to a hundredth.
         let single = if system.robot.sprung() { [0.1, 0.1] } else { [1e-4, 2e-4] };
         for (real, most) in [(Real::F64, [1e-6, 1e-9]), (Real::F32, single)] {
             let name = format!("{robot}-{scene}-{real:?}");
-            let text = program(&model, &system, real, Reach::of(&batch).colliders).expect("it has kernels");
+            let text = program(model.config.form(), &model.normalizer, &system, real, Reach::of(&batch).colliders).expect("it has kernels");
             let shape = (n, model.config.network.inputs);
             let (tokens, states) = frame(&compiler, &text, &batch, &config, &torques, &predictions, shape);
             let (tokens, states) = (apart(&tokens, &noted.lock().expect("done")), apart(&states, &own.states));
@@ -168,7 +168,7 @@ fn what_has_no_kernel_is_named() {
     for (word, base, view) in [("Flight", Base::Flight, View::Own), ("view is World", Base::Draft(1), View::World)] {
         let mut model = placed(&system, Base::Draft(1), Positions::Rotary);
         (model.config.base, model.config.view) = (base, view);
-        let error = program(&model, &system, Real::F32, 1).expect_err("it has no kernel");
+        let error = program(model.config.form(), &model.normalizer, &system, Real::F32, 1).expect_err("it has no kernel");
         assert!(error.contains(word) && error.contains("CPU"), "{error}");
     }
 }

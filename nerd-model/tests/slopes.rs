@@ -103,7 +103,7 @@ fn a_gradient_by_a_token_comes_to_the_state_as_differences_say() {
             }
             near += events.iter().zip(&system.robot.contact_points).filter(|(e, p)| e.distance < p.threshold()).count();
             let by: Vec<f32> = by_token.iter().map(|x| *x as f32).collect();
-            token_back(&system, &Seen { state: &state, contacts: &events, gravity: scene.gravity }, &by, &mut data, &mut slope);
+            token_back(&system.robot, &Seen { state: &state, contacts: &events, gravity: scene.gravity }, &by, &mut data, &mut slope);
             off = off.max(worst(&slope, &expected));
         }
         println!("{robot}: {near} contacts, {off:.1e} of the largest slope off");

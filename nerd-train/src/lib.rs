@@ -7,7 +7,6 @@ macro_rules! tell {
 }
 
 pub mod bounds;
-pub mod chain;
 pub mod checkpoint;
 pub mod device;
 pub mod difference;
@@ -29,6 +28,7 @@ pub mod stats;
 pub mod supply;
 mod tensors;
 pub mod trainer;
+pub mod unroll;
 pub mod windows;
 
 pub use error::{Error, Result};

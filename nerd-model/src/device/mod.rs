@@ -15,15 +15,15 @@ use nerd_sim::system::System;
 
 use crate::base::Base;
 use crate::features::Features;
-use crate::folder::Model;
-use crate::form::View;
+use crate::form::{Form, View};
+use crate::normalizer::Normalizer;
 
 pub use crate::program::op::padded;
 pub use whole::{Products, Whole, whole_program};
 
 /// The settings with which scenes are put in order for a model's kernels; or what of it has no kernel, and where it can be stepped.
-pub fn settings(model: &Model, system: &System) -> Result<(ArticulatedConfig, Reach), String> {
-    let (base, view) = (model.config.base, model.config.view);
+pub fn settings(form: Form, system: &System) -> Result<(ArticulatedConfig, Reach), String> {
+    let Form { base, view } = form;
     let refuse =
         |what: String| Err(format!("a model {what}, which has no kernel; step it with the network alone on the device, or on the CPU"));
     if view != View::Own {
@@ -40,19 +40,24 @@ pub fn settings(model: &Model, system: &System) -> Result<(ArticulatedConfig, Re
     Ok((settings, Reach { faced: Some(faced), ..Reach::default() }))
 }
 
-/// The text for one model of `system`, for scenes of at most so many colliders; an error as of [`settings`].
-pub fn program(model: &Model, system: &Arc<System>, real: Real, colliders: usize) -> Result<String, String> {
-    let (config, reach) = settings(model, system)?;
+/// The text for models of `system` of a form and with a normaliser, for scenes of at most so many colliders; an error as of [`settings`].
+pub fn program(form: Form, normalizer: &Normalizer, system: &Arc<System>, real: Real, colliders: usize) -> Result<String, String> {
+    Ok(token_functions(form, normalizer, system, real, colliders)? + include_str!("tokens_frame.cuh"))
+}
+
+/// The same without its kernels: `tell` and `apply`, for other kernels.
+pub fn token_functions(form: Form, normalizer: &Normalizer, system: &Arc<System>, real: Real, colliders: usize) -> Result<String, String> {
+    let (config, reach) = settings(form, system)?;
     let robot = &system.robot;
     let mut text = functions(system, &config, real, Reach { colliders, ..reach });
-    let inputs = Features::inputs(system, model.config.form());
+    let inputs = Features::inputs(system, form);
     let flag = |on: bool| usize::from(on);
-    let situated = flag(Features::situated(system));
-    let drafted = flag(matches!(model.config.base, Base::Draft(_)));
+    let situated = flag(Features::situated(robot));
+    let drafted = flag(matches!(form.base, Base::Draft(_)));
     for (name, n) in [("INPUTS", inputs), ("LDX", padded(inputs)), ("SITUATED", situated), ("DRAFTED", drafted)] {
         let _ = writeln!(text, "#define {name} {n}");
     }
-    let (inputs, outputs) = (&model.normalizer.inputs, &model.normalizer.outputs);
+    let (inputs, outputs) = (&normalizer.inputs, &normalizer.outputs);
     let mut table = |kind: &str, name: &str, numbers: Vec<f64>| {
         // None may be empty.
         let entries: Vec<String> = numbers.into_iter().chain([0.0]).map(|x| format!("({kind}){x:e}")).collect();

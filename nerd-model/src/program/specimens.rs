@@ -114,7 +114,8 @@ pub fn operations() -> Vec<Specimen> {
 /// One of each network, over windows or sequences of [`TOKENS`].
 pub fn networks() -> Vec<Specimen> {
     let small = TransformerConfig { layers: 2, heads: 2, block: TOKENS, history: TOKENS, head: 9, ..TransformerConfig::paper(5, 3, 24) };
-    let rivals = [Architecture::Transformer, Architecture::Residual, Architecture::Mlp, Architecture::Gru, Architecture::Lstm, Architecture::Chain];
+    let rivals =
+        [Architecture::Transformer, Architecture::Residual, Architecture::Mlp, Architecture::Gru, Architecture::Lstm, Architecture::Chain];
     let rivals = rivals.map(|architecture| (format!("{architecture:?}"), TransformerConfig { architecture, ..small }.program()));
     let rotary = TransformerConfig { positions: Positions::Rotary, history: 3, ..small };
     let others = [("rotary Transformer", rotary.program()), ("policy", policy(&[5, 24, 9, 4], Activation::Elu, Some(3)))];

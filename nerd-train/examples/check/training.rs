@@ -8,10 +8,11 @@ use nerd_model::folder::Model;
 use nerd_model::transformer::{Architecture, TransformerConfig};
 use nerd_sim::dataset::GenerateConfig;
 use nerd_sim::prelude::*;
-use nerd_train::chain::{ChainLearner, Course, CudaChainLearner, Motions, scales};
 use nerd_train::learner::cuda::{CudaLearner, Precision};
 use nerd_train::learner::{CpuLearner, Learner, LearnerConfig, LearnerState, Optimizer};
 use nerd_train::ranks::{Place, Ranks};
+use nerd_train::unroll::chain::{Cable, Loss, scales};
+use nerd_train::unroll::{Course, CudaUnrollLearner, Motions, UnrollLearner};
 use nerd_train::windows::draw;
 
 use crate::with::{Checks, Outcome, apart, rivals, settings, shapes, share_of_way, weights, windows, worse};
@@ -80,10 +81,11 @@ pub fn chains(checks: &mut Checks) -> Outcome {
     let train = Arc::new(Motions::record(&system, &solver, &record, &|_| ())?);
     let (model, chain) = (Model::load(Path::new("models/lead-pegs"), &system, None)?, Chain::of(&system)?);
     let (scale, (_, velocity)) = (ChainSolver::scale(&model.normalizer)?, scales(&chain, &train));
-    let course = Course { validation: train.clone(), train, scale, velocity, frames: 8 };
+    let body = Cable { chain, loss: Loss::new(&scale, velocity, 8), scale };
+    let course = Course { body, validation: train.clone(), train, frames: 8 };
     let (config, state) = (LearnerConfig { average: 0.9, ..settings(24) }, LearnerState::new(model.weights));
-    let mut here = ChainLearner::new(chain, config, state.clone(), course.clone())?;
-    let mut there = CudaChainLearner::new(&system, config, Precision::F32, state, course, &Ranks::default())?;
+    let mut here = UnrollLearner::new(config, state.clone(), course.clone())?;
+    let mut there = CudaUnrollLearner::new(&system, config, Precision::F32, state, course, &Ranks::default())?;
     for _ in 0..6 {
         here.update(1e-4)?;
         there.update(1e-4)?;

@@ -32,7 +32,7 @@ pub(super) struct Identity {
     #[serde(default, skip_serializing_if = "Variant::usual")]
     pub variant: Variant,
     pub network: TransformerConfig,
-    /// Frames of a rollout in training, of a chain.
+    /// Frames of a rollout in training, where it goes through them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unrolled: Option<usize>,
     pub learner: LearnerConfig,

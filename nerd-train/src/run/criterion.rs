@@ -8,9 +8,9 @@ use nerd_model::transformer::Weights;
 use super::card::{Identity, model_config};
 use super::data::Judge;
 use super::plan::Plan;
-use crate::chain;
 use crate::error::Result;
 use crate::evaluate::{Action, PassiveConfig, horizon, passive};
+use crate::unroll::chain::distance;
 
 /// Mean error over the paper's horizon: in free space and, where there is one, on the first ground; of a model on flight, on
 /// all grounds. Of a chain that of its nodes (m) along motions like those it learns from. Infinite if a rollout failed.
@@ -18,7 +18,7 @@ pub(super) fn rollout_error(plan: &Plan, identity: &Identity, judge: &Judge, wei
     let Plan { config, system, .. } = plan;
     let Judge { normalizer, motions } = judge;
     if let Some(motions) = motions {
-        return chain::distance(system, motions, &weights, normalizer);
+        return distance(system, motions, &weights, normalizer);
     }
     let (starts, steps, seed) = (config.rollouts, horizon(&system.name), 1_000 + config.record.seed);
     let protocol = PassiveConfig { starts, steps, seed, action: Action::Zero };

@@ -7,10 +7,13 @@ use nerd_model::normalizer::Normalizer;
 use nerd_sim::dataset::GenerateConfig;
 
 use super::plan::Plan;
-use crate::chain::{Course, Motions, scales};
+use super::variant::Variant;
 use crate::error::{Error, Result, refuse};
 use crate::prepare::{moments, normalize, read};
 use crate::ranks::Ranks;
+use crate::unroll::chain::{Cable, Loss, scales};
+use crate::unroll::robot::Robot;
+use crate::unroll::{Course, Motions};
 use crate::windows::Windows;
 
 /// Transitions that are validated on, and the paper's distance of their seed from the training data's.
@@ -36,7 +39,8 @@ pub(super) struct Judge {
 /// What it trains on, and validates with.
 pub(super) enum Sets {
     Windows([Arc<Windows>; 2]),
-    Chain(Course),
+    Cable(Course<Cable>),
+    Robot(Course<Robot>),
 }
 
 /// Motions that a run before has read or recorded: those of a recipe have mostly the same.
@@ -64,7 +68,7 @@ impl Cache {
 impl Data {
     /// Records or reads what a run learns from.
     pub fn of(plan: &Plan, ranks: &Ranks, cache: &Cache) -> Result<Self> {
-        if plan.config.unrolled().is_some() { Self::chain(plan, cache) } else { Self::windows(plan, ranks) }
+        if plan.config.unrolled().is_some() { Self::motions(plan, cache) } else { Self::windows(plan, ranks) }
     }
 
     fn windows(plan: &Plan, ranks: &Ranks) -> Result<Self> {
@@ -98,7 +102,7 @@ impl Data {
         })
     }
 
-    fn chain(plan: &Plan, cache: &Cache) -> Result<Self> {
+    fn motions(plan: &Plan, cache: &Cache) -> Result<Self> {
         let Plan { config, system, .. } = plan;
         let record = &config.record;
         let truth = record.truth(system).name();
@@ -109,15 +113,28 @@ impl Data {
             None => recorded(&plan.recording)?,
         };
         let validation = recorded(&validation(plan, config.rollouts.max(1) * record.frames))?;
-        let (own, velocity) = scales(&plan.chain()?, &motions);
-        let normalizer = plan.parent.as_ref().map_or(own, |p| p.normalizer.clone());
-        let scale = ChainSolver::scale(&normalizer).map_err(Error::Refused)?;
+        let frames = config.unrolled().unwrap_or(1);
+        let (normalizer, sets) = match (config.variant, &plan.parent) {
+            (Variant::Chain, parent) => {
+                let chain = plan.chain()?;
+                let (own, velocity) = scales(&chain, &motions);
+                let normalizer = parent.as_ref().map_or(own, |p| p.normalizer.clone());
+                let scale = ChainSolver::scale(&normalizer).map_err(Error::Refused)?;
+                let body = Cable { loss: Loss::new(&scale, velocity, frames), chain, scale };
+                (normalizer, Sets::Cable(Course { body, train: motions.clone(), validation: validation.clone(), frames }))
+            }
+            (_, Some(parent)) => {
+                let body = Robot::new(system, &parent.normalizer, &motions);
+                (parent.normalizer.clone(), Sets::Robot(Course { body, train: motions.clone(), validation: validation.clone(), frames }))
+            }
+            (_, None) => refuse!("--sequence {frames}: rollouts want a model that knows single frames: give it with --from"),
+        };
         Ok(Self {
             sha256: motions.sha256.clone(),
             transitions: motions.len() * motions.frames,
             windows: motions.len() * motions.frames,
-            judge: Judge { normalizer, motions: Some(validation.clone()) },
-            sets: Sets::Chain(Course { train: motions, validation, scale, velocity, frames: config.unrolled().unwrap_or(1) }),
+            judge: Judge { normalizer, motions: (config.variant == Variant::Chain).then_some(validation) },
+            sets,
         })
     }
 }

@@ -4,9 +4,9 @@ use nerd_model::transformer::{Positions, TransformerConfig};
 
 use super::settings::RunConfig;
 use crate::bounds::memory;
-use crate::chain;
 use crate::device::Device;
 use crate::error::Result;
+use crate::unroll::ROLLOUTS;
 
 /// Windows that one thread of the CPU's learner passes at a time.
 const SHARD: usize = 32;
@@ -32,11 +32,11 @@ pub(super) fn check(config: &RunConfig, network: &TransformerConfig) -> Result<(
     memory(&[("--rollouts", config.rollouts), ("--history", network.history)], 4 * (kept + network.inputs))
 }
 
-/// The same of rollouts of a chain through so many frames: every thread keeps all activations of those it passes.
+/// The same of rollouts through so many frames: every thread keeps all activations of those it passes.
 pub(super) fn unrolled(network: &TransformerConfig, frames: usize) -> Result<()> {
     let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
-    let row = 6 * network.layers * network.embedding + 2 * (network.embedding + network.inputs + network.outputs);
-    memory(&[("--sequence", frames), ("threads", threads), ("rods", chain::ROLLOUTS * network.block)], 4 * row)
+    let row = 10 * network.layers * network.embedding + 2 * (network.embedding + network.inputs + network.outputs);
+    memory(&[("--sequence", frames), ("threads", threads), ("rods", ROLLOUTS * network.block)], 4 * row)
 }
 
 /// Numbers that a forward and backward pass keeps of a token, about.

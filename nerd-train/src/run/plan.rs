@@ -101,6 +101,7 @@ impl RunConfig {
     /// Refuses settings that mean nothing together.
     pub fn check(&self) -> Result<()> {
         let (chain, recorded) = (self.variant == Variant::Chain, self.data.is_none());
+        let rolled = !chain && self.unrolled().is_some();
         let wrong = [
             (self.robot.is_empty(), "--robot is needed: see `cargo xtask train --help`"),
             (self.out.as_os_str().is_empty(), "--out is needed: see `cargo xtask train --help`"),
@@ -112,7 +113,13 @@ impl RunConfig {
             (chain && self.fresh > 0, "--fresh means nothing with --variant chain"),
             (chain && self.epsilon.is_some(), "--epsilon means nothing with --variant chain"),
             (chain && self.huber.is_some(), "--huber means nothing with --variant chain"),
-            (self.sequence.is_some() && !self.stream && !chain, "--sequence means nothing without --stream or --variant chain"),
+            (
+                self.sequence.is_some() && !self.stream && !chain && self.history > 1,
+                "--sequence means nothing without --stream, --history 1 or --variant chain",
+            ),
+            (rolled && self.base != BaseName::State, "--sequence with --history 1 rolls out what is added to the state: leave --base out"),
+            (rolled && self.huber.is_some(), "--huber means nothing where --sequence rolls out"),
+            (rolled && self.fresh > 0, "--fresh means nothing where --sequence rolls out"),
             (self.epsilon.is_some() && self.from.is_some(), "--epsilon: the model that --from starts from has its own; leave one out"),
             (self.draft != Self::default().draft && self.base != BaseName::Draft, "--draft means nothing without --base draft"),
             (self.f32 && self.device != Device::Cuda, "--f32 means nothing without --device cuda"),
@@ -169,9 +176,12 @@ impl RunConfig {
         Ok(network)
     }
 
-    /// Frames of a rollout in the training of a chain.
+    /// Frames of a rollout in training, where it goes through them: of a chain always, of a robot seen by one token from two on.
     pub fn unrolled(&self) -> Option<usize> {
-        (self.variant == Variant::Chain).then(|| self.sequence.unwrap_or(1))
+        match self.sequence.unwrap_or(1) {
+            frames if self.variant == Variant::Chain => Some(frames),
+            frames => (self.history == 1 && frames > 1).then_some(frames),
+        }
     }
 
     /// Whether rollouts choose its weights: where a chain is taught single frames, they say little of what it has learned.

@@ -10,7 +10,6 @@ use nerd_sim::range::Range;
 use nerd_sim::truth::Truth;
 
 use crate::bounds::{self, FRAMES, SEEDS};
-use crate::chain::Motions;
 use crate::device::{Device, truth_on_card};
 use crate::error::{Result, refuse};
 use crate::ppo::Policies;
@@ -20,8 +19,9 @@ use crate::ranks::Ranks;
 use crate::records::{claimed, shared};
 use crate::settings::settings;
 use crate::shipped;
+use crate::unroll::Motions;
 
-/// Motions of a chain that one thread records: on the CPU few, so that all have some; on a card, which is shared by all of them, many.
+/// Motions that one thread records: on the CPU few, so that all have some; on a card, which is shared by all of them, many.
 const ON_CPU: usize = 16;
 const ON_CARD: usize = 256;
 
@@ -124,7 +124,7 @@ impl RecordConfig {
         Ok(manifest)
     }
 
-    /// Records in memory, as motions of a chain; on a card in 64 bits, some motions a thread.
+    /// Records in memory, as motions; on a card in 64 bits, some motions a thread.
     pub(super) fn motions(&self, system: &Arc<System>, config: &GenerateConfig, device: Device) -> Result<Motions> {
         let bar = bar("recording transitions", (config.trajectories() * config.frames) as u64);
         let tell = |n: usize| bar.add(n as u64);

@@ -42,7 +42,8 @@ settings! {
         /// Rotary positions: rollouts evaluate one token per frame instead of a window
         stream: bool = false, Flag;
         /// Tokens of a training sequence with --stream [default: as many as a prediction of a rollout depends on, 55 with six
-        /// layers and windows of 10, and at least 32]; with --variant chain frames of a rollout in training [default: 1]
+        /// layers and windows of 10, and at least 32]; with --history 1 or --variant chain frames of a rollout in training, through
+        /// which gradients go back [default: 1]
         sequence: Option<usize> = None, Whole(1..=8192);
         /// Folder of shards made by `dataset`; recorded in memory if absent
         data: Option<PathBuf> = None, Text;

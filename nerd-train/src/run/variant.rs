@@ -27,7 +27,7 @@ pub enum Variant {
     Absolute,
     /// State and contacts in world axes.
     World,
-    /// Rods of a chain as tokens, learned through many frames ([`crate::chain`]).
+    /// Rods of a chain as tokens, learned through many frames ([`crate::unroll`]).
     Chain,
     /// Inputs as they are.
     RawInputs,

@@ -64,7 +64,7 @@ pub fn resident(model: Model, system: &Arc<System>, real: Real, precision: Preci
         (Some((chain, ChainSolver::scale(&model.normalizer)?)), ArticulatedConfig::implicit(1, Friction::Coulomb))
     } else {
         Plan::stream(&network).map_err(refused)?;
-        (None, settings(&model, system)?.0)
+        (None, settings(model.config.form(), system)?.0)
     };
     Ok(OnDevice::by(Frames { model, chain, config, real, precision, made: None }))
 }
@@ -99,7 +99,8 @@ impl Motion for Frames {
                 (Engine::Chain(network, weights), envs * numbers(chain))
             }
             None => {
-                let text = program(&self.model, &batch.system, self.real, reach.colliders).map_err(StepError::Solver)?;
+                let text = program(self.model.config.form(), &self.model.normalizer, &batch.system, self.real, reach.colliders)
+                    .map_err(StepError::Solver)?;
                 let mut stream = CudaStream::new(weights, self.precision, envs).map_err(solver)?;
                 stream.network.device.add(&text, &["neural_tell", "neural_apply"]).map_err(failed)?;
                 (Engine::Stream(stream), batch.states.len())

@@ -4,7 +4,7 @@ use nerd_model::chain::{Chain, INPUTS, OUTPUTS, Rods};
 use nerd_model::normalizer::{Moments, Normalizer};
 use rayon::prelude::*;
 
-use super::data::Motions;
+use super::super::data::Motions;
 
 /// Frames that are looked at.
 const FRAMES: usize = 8000;

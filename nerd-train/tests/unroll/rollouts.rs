@@ -8,10 +8,11 @@ use nerd_model::program::cpu::{Loaded, Memory};
 use nerd_model::transformer::{Architecture, TransformerConfig, Weights};
 use nerd_sim::dataset::{GenerateConfig, Manifest, generate};
 use nerd_sim::prelude::*;
-use nerd_train::chain::{ChainLearner, Course, Motions, Rollout, Unroll, View, distance, scales};
 use nerd_train::learner::{Learner, LearnerConfig, LearnerState, Optimizer};
 use nerd_train::ranks::Ranks;
 use nerd_train::run::{Run, RunConfig, Variant};
+use nerd_train::unroll::chain::{Cable, Loss, View, distance, scales};
+use nerd_train::unroll::{Course, Motions, Place, Rollout, Unroll, UnrollLearner};
 
 use crate::common;
 
@@ -35,15 +36,16 @@ fn case() -> Case {
 const CONFIG: LearnerConfig = LearnerConfig { batch: 20, clip: 1.0, average: 0.9, seed: 0, huber: None, optimizer: Optimizer::Adam };
 
 /// What rollouts of so many frames learn from.
-fn course(case: &Case, frames: usize) -> Course {
+fn course(case: &Case, frames: usize) -> Course<Cable> {
     let (normalizer, velocity) = scales(&case.chain, &case.motions);
     let scale = ChainSolver::scale(&normalizer).expect("a chain's");
-    Course { train: case.motions.clone(), validation: case.motions.clone(), scale, velocity, frames }
+    let body = Cable { chain: case.chain.clone(), loss: Loss::new(&scale, velocity, frames), scale };
+    Course { body, train: case.motions.clone(), validation: case.motions.clone(), frames }
 }
 
 /// A learner of a chain that continues `state`.
-fn learner(case: &Case, config: LearnerConfig, state: LearnerState, frames: usize) -> ChainLearner {
-    ChainLearner::new(case.chain.clone(), config, state, course(case, frames)).expect("a learner")
+fn learner(case: &Case, config: LearnerConfig, state: LearnerState, frames: usize) -> UnrollLearner<Cable> {
+    UnrollLearner::new(config, state, course(case, frames)).expect("a learner")
 }
 
 fn weights(chain: &Chain) -> Weights {
@@ -115,8 +117,9 @@ fn scenes_are_drawn_again_from_the_seed() {
 /// Loss and gradient of a few rollouts, some of which touch.
 fn passed(case: &Case, weights: &Weights, frames: usize) -> (f64, Vec<f32>) {
     let (course, network) = (course(case, frames), Loaded::new(weights.config.program(), &weights.flat));
-    let unroll = Unroll { chain: &case.chain, course: &course, network: &network };
-    let mut rollouts: Vec<Rollout> = (0..12).map(|k| unroll.begin(k, k, View::new(k as f64, k % 2 == 0))).collect();
+    let unroll = Unroll { course: &course, network: &network };
+    let begin = |k: usize| unroll.begin(Place { motion: k, frame: k, view: View::new(k as f64, k % 2 == 0) });
+    let mut rollouts: Vec<Rollout<Cable>> = (0..12).map(begin).collect();
     unroll.pass(&mut rollouts, 1.0 / 12.0, &mut Vec::<Memory>::new())
 }
 

@@ -9,7 +9,7 @@ use nerd_model::transformer::Weights;
 use nerd_sim::prelude::*;
 use rayon::prelude::*;
 
-use super::data::Motions;
+use super::super::data::Motions;
 use crate::error::{Error, Result};
 use crate::learner::validation_rows;
 
@@ -48,7 +48,7 @@ pub(super) fn apart(chain: &Chain, a: &Rods, b: &Rods) -> f64 {
 }
 
 /// What a network misses of the change of rates over single frames, as a share of it; of so many frames, at even distances.
-pub fn missed(chain: &Chain, motions: &Motions, network: &Loaded, scale: &[f64; OUTPUTS], frames: usize) -> f64 {
+pub(super) fn missed(chain: &Chain, motions: &Motions, network: &Loaded, scale: &[f64; OUTPUTS], frames: usize) -> f64 {
     let rows = validation_rows(motions.len() * motions.frames, frames);
     let one = |memory: &mut Memory, row: &u64| {
         let (motion, frame) = (*row as usize / motions.frames, *row as usize % motions.frames);

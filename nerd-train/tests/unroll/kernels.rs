@@ -1,12 +1,12 @@
 //! The kernels of rollouts against the CPU's, without a device: their text is compiled as C++ and run on the CPU.
 
-use nerd_model::chain::{Chain, ChainSolver, INPUTS, Look, OUTPUTS, Outputs, Rods, numbers};
+use nerd_model::chain::{Chain, ChainSolver, INPUTS, OUTPUTS, Rods, numbers};
 use nerd_model::device::padded;
 use nerd_sim::articulated::device::{Reach, record};
 use nerd_sim::dataset::GenerateConfig;
 use nerd_sim::prelude::*;
-use nerd_train::chain::device::{row, unroll_program};
-use nerd_train::chain::{Loss, Motions, View, frame_back, join, scales};
+use nerd_train::unroll::chain::{Cable, Loss, View, scales};
+use nerd_train::unroll::{Body, Motions, OnCard, Place};
 
 use crate::cpp;
 
@@ -21,17 +21,17 @@ fn flat(rods: &Rods) -> Vec<f64> {
 }
 
 /// Numbers about 0 of about this size, always the same.
-fn some(n: usize, size: f64) -> Vec<f64> {
+pub fn some(n: usize, size: f64) -> Vec<f64> {
     (0..n).map(|k| size * (1.7 * k as f64 + 0.3).sin()).collect()
 }
 
 /// The larger of two; what is not a number is the worst.
-fn worse(most: f64, off: f64) -> f64 {
+pub fn worse(most: f64, off: f64) -> f64 {
     if off > most || off.is_nan() { off } else { most }
 }
 
 /// Largest difference, as a share of the largest of the expected numbers or of 1.
-fn apart(found: &[f64], expected: &[f64]) -> f64 {
+pub fn apart(found: &[f64], expected: &[f64]) -> f64 {
     assert_eq!(found.len(), expected.len());
     let largest = expected.iter().fold(1e-9, |most: f64, x| most.max(x.abs()));
     found.iter().zip(expected).map(|(a, b)| (a - b).abs() / largest).fold(0.0, worse)
@@ -47,16 +47,17 @@ fn kernels_roll_out_and_back_as_the_cpu_does() {
     let motions = Motions::record(&system, &solver, &config, &|_| ()).expect("motions");
     let (normalizer, velocity) = scales(&chain, &motions);
     let scale = ChainSolver::scale(&normalizer).expect("a chain's");
-    let loss = Loss::new(&scale, velocity, 16);
+    let body = Cable { chain, scale, loss: Loss::new(&scale, velocity, 16) };
+    let chain = &body.chain;
     let colliders = motions.scenes.iter().map(|scene| scene.colliders.len()).max().unwrap_or(0);
 
     let starts: Vec<(usize, usize, View)> = (0..ROLLOUTS).map(|k| (k % 6, 2 * k, View::new(0.4 * k as f64, k % 2 == 0))).collect();
     let outputs: Vec<f32> = some(ROLLOUTS * chain.rods * OUTPUTS, 0.3).into_iter().map(|x| x as f32).collect();
     let by_tokens: Vec<f32> = some(ROLLOUTS * chain.rods * INPUTS, 0.01).into_iter().map(|x| x as f32).collect();
-    let upstreams = some(ROLLOUTS * numbers(&chain), 5.0);
+    let upstreams = some(ROLLOUTS * numbers(chain), 5.0);
     let head = [ROLLOUTS, motions.len(), motions.frames, FRAME];
     let mut input: Vec<u8> = head.iter().flat_map(|x| (*x as i32).to_le_bytes()).collect();
-    let rows = starts.iter().flat_map(|(motion, frame, view)| row(*motion, *frame, true, view));
+    let rows = starts.iter().flat_map(|(motion, frame, view)| Cable::row(&Place { motion: *motion, frame: *frame, view: *view }, true));
     let (all, settings) = (0..motions.len(), ArticulatedConfig::implicit(1, Friction::Coulomb));
     let states = all.clone().flat_map(|i| (0..=motions.frames).flat_map(|k| motions.state(i, k).to_vec()).collect::<Vec<_>>());
     let torques = all.flat_map(|i| (0..motions.frames).flat_map(|k| motions.torques(i, k)[..6].to_vec()).collect::<Vec<_>>());
@@ -65,7 +66,7 @@ fn kernels_roll_out_and_back_as_the_cpu_does() {
     input.extend(rows.chain(states).chain(torques).chain(scenes).flat_map(f64::to_le_bytes));
     input.extend(outputs.iter().chain(&by_tokens).flat_map(|x| x.to_le_bytes()));
     input.extend(upstreams.iter().flat_map(|x| x.to_le_bytes()));
-    let output = compiler.run(&unroll_program(&chain, &scale, &loss, &system, colliders), input);
+    let output = compiler.run(&body.program(&system, ROLLOUTS, colliders).expect("it has kernels"), input);
     let mut at = 0;
     let mut next = |count: usize, bytes: usize| {
         at += count * bytes;
@@ -73,7 +74,7 @@ fn kernels_roll_out_and_back_as_the_cpu_does() {
     };
     let doubles = |bytes: &[u8]| bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect::<Vec<_>>();
     let floats = |bytes: &[u8]| bytes.as_chunks::<4>().0.iter().map(|b| f64::from(f32::from_le_bytes(*b))).collect::<Vec<_>>();
-    let (wide, tokens_wide, outputs_wide) = (numbers(&chain), chain.rods * padded(INPUTS), chain.rods * OUTPUTS);
+    let (wide, tokens_wide, outputs_wide) = (numbers(chain), chain.rods * padded(INPUTS), chain.rods * OUTPUTS);
     let (before, after) = (doubles(next(ROLLOUTS * wide, 8)), doubles(next(ROLLOUTS * wide, 8)));
     let (tokens, judged) = (floats(next(ROLLOUTS * tokens_wide, 4)), doubles(next(2 * ROLLOUTS, 8)));
     let (slopes, by_outputs, fronts) =
@@ -81,25 +82,24 @@ fn kernels_roll_out_and_back_as_the_cpu_does() {
 
     let (mut worst, mut touching) = ([0.0f64; 7], 0);
     for (i, (motion, frame, view)) in starts.into_iter().enumerate() {
-        let truth = |k: usize| view.rods(&chain, &chain.rods(motions.state(motion, frame + k)));
-        let (own, torques) = (truth(FRAME), view.torques(&chain, motions.torques(motion, frame + FRAME)));
-        let look = Look::at(&chain, &own, &torques, |place| view.contact(&chain, &motions.scenes[motion], place));
-        let mut expected = Vec::new();
-        look.tokens(&chain, &own, &mut expected);
+        let place = |k: usize| Place { motion, frame: frame + k, view };
+        let truth = |k: usize| body.truth(&motions, &place(k));
+        let (own, mut expected) = (truth(FRAME), Vec::new());
+        let look = body.look(&own, &motions, &place(FRAME), &mut (), &mut expected);
         touching += expected.as_chunks::<INPUTS>().0.iter().filter(|token| token[17] > 0.0).count();
-        let predicted = Outputs { numbers: &outputs[i * outputs_wide..][..outputs_wide], scale: &scale };
-        let moved = chain.advance(&own, &look.glided, predicted);
+        let predicted = &outputs[i * outputs_wide..][..outputs_wide];
+        let moved = body.advance(&own, &look, predicted, &mut ());
         let mut upstream = Rods::zeros(chain.rods);
         let given = &upstreams[i * wide..][..wide];
         upstream.gripper.numbers_mut().zip(given).for_each(|(x, g)| *x = *g);
         let vectors = upstream.along.iter_mut().chain(&mut upstream.rates).flat_map(|v| v.iter_mut());
         vectors.zip(&given[12..]).for_each(|(x, g)| *x = *g);
         let mut all = Rods::zeros(chain.rods);
-        let cost = loss.of(&chain, (&moved, &truth(FRAME + 1)), FRAME + 1, WEIGHT, &mut all);
-        join(&mut all, &upstream, 1 + i);
+        let cost = body.loss([&moved, &truth(FRAME + 1)], FRAME + 1, WEIGHT, &mut all);
+        body.join(&mut all, &upstream, 1 + i);
         let mut front = Rods::zeros(chain.rods);
-        let wanted = chain.advance_back(&own, predicted, &all, &mut front);
-        frame_back(&chain, &look, &own, &by_tokens[i * chain.rods * INPUTS..][..chain.rods * INPUTS], &all, &mut front);
+        let wanted = body.advance_back(&own, &look, predicted, &all, &mut front);
+        body.look_back(&own, &look, &by_tokens[i * chain.rods * INPUTS..][..chain.rods * INPUTS], &all, &mut front, &mut ());
 
         let seen: Vec<f64> =
             tokens[i * tokens_wide..][..tokens_wide].chunks(padded(INPUTS)).flat_map(|token| token[..INPUTS].to_vec()).collect();

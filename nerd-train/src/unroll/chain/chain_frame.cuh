@@ -90,24 +90,6 @@ KERNEL unroll_back(const Rollout* rollouts, const double* truths, const double* 
     store(slope, behinds + env * CHAIN, CHAIN);
 }
 
-// Adds a frame's gradient to that of all.
-KERNEL unroll_add(const float* of_frame, float* all, int n, int first) {
-    const int i = blockIdx.x * blockDim.x + threadIdx.x;
-    if (i < n) all[i] = (first ? 0.0f : all[i]) + of_frame[i];
-}
-
-// The sum of all losses, in order; one block of 256.
-KERNEL unroll_total(const double* losses, int n, float* total) {
-    __shared__ double part[256];
-    double sum = 0;
-    EACH(i, n) sum += losses[i];
-    part[threadIdx.x] = sum;
-    SYNC;
-    if (threadIdx.x) return;
-    for (int i = 1; i < 256; i++) sum += part[i];
-    *total = (float)sum;
-}
-
 KERNEL unroll_end(const Rollout* rollouts, const double* truths, const double* torques, const double* scenes, int frames, const double* chains, int through,
                   int* nears) {
     __shared__ double chain[CHAIN], wanted[CHAIN], ends[6 * RODS], true_ends[6 * RODS];

@@ -1,4 +1,4 @@
-//! [`CudaChainLearner`]: updates of a chain's network through many frames, on the device.
+//! [`CudaUnrollLearner`]: updates through many frames, on the device.
 //!
 //! Where an update ends stays there, and so do the motions. Forward `look -> network -> advance`, frame by frame; back, from the last
 //! frame on, `loss and look -> network -> output -> network back -> frame back`: activations are made once more in place of being kept.
@@ -9,18 +9,14 @@ use std::sync::Arc;
 
 use nerd_cuda::Arg::{Double, Int, Long, Ptr};
 use nerd_cuda::{Arg, Buffer, Device, DeviceError, Replay};
-use nerd_model::chain::{Chain, INPUTS, numbers};
 use nerd_model::program::Slot;
 use nerd_model::program::cpu::Loaded;
-use nerd_sim::articulated::device::{Reach, record};
-use nerd_sim::articulated::{ArticulatedConfig, Friction};
 use nerd_sim::system::System;
 
+use super::body::Place;
 use super::course::{BETA, Course};
 use super::data::Motions;
-use super::device::{ROLLOUT, row, unroll_program};
-use super::judge::missed;
-use super::view::View;
+use super::kernels::{OnCard, ROLLOUT, Widths};
 use crate::learner::cuda::{Network, Optimiser, Plan, Precision, joined};
 use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Progress};
 use crate::ranks::Ranks;
@@ -39,25 +35,27 @@ const KERNELS: [&str; 10] = [
 ];
 /// Recorded states that are sent at a time.
 const SENT: usize = 1 << 16;
+/// Threads of a block where a rollout is a thread.
+const ALONE: usize = 32;
 
-/// Trains a chain's network on motions, as [`super::ChainLearner`] does.
-pub struct CudaChainLearner {
-    chain: Chain,
+/// Trains a network on motions, as [`super::UnrollLearner`] does.
+pub struct CudaUnrollLearner<B: OnCard> {
+    widths: Widths,
     config: LearnerConfig,
-    course: Course,
+    course: Course<B>,
     /// Of the batch.
     rows: Range<usize>,
     /// Where the last update ended; a resumed run restarts all of them.
-    ended: Vec<Option<(usize, usize, View)>>,
+    ended: Vec<Option<Place<B::View>>>,
     step: u64,
     network: Network,
     motions: Recorded,
     rollouts: Buffer<f64>,
     /// `[frame][rollout]`.
-    chains: Buffer<f64>,
-    /// Gradients by them, and normals and gaps of a frame.
+    states: Buffer<f64>,
+    /// Gradients by them, and what a frame keeps for its way back.
     upstream: Buffer<f64>,
-    touches: Buffer<f64>,
+    kept: Buffer<f64>,
     by_tokens: Buffer<f32>,
     of_frame: Buffer<f32>,
     losses: Buffer<f64>,
@@ -66,7 +64,7 @@ pub struct CudaChainLearner {
     replay: Replay,
 }
 
-impl CudaChainLearner {
+impl<B: OnCard> CudaUnrollLearner<B> {
     /// Continues `state` as one of `ranks`.
     ///
     /// # Errors
@@ -76,33 +74,33 @@ impl CudaChainLearner {
         config: LearnerConfig,
         precision: Precision,
         state: LearnerState,
-        course: Course,
+        course: Course<B>,
         ranks: &Ranks,
     ) -> Result<Self, LearnError> {
-        let chain = Chain::of(system).map_err(|e| LearnError::Mismatch(e.to_string()))?;
         config.check().map_err(LearnError::Mismatch)?;
         course.check()?;
-        let (train, frames, rows) = (&course.train, course.frames, ranks.part(config.batch));
-        let plan = Plan::of(&state.weights.config, chain.rods)?;
+        let (body, train, frames, rows) = (&course.body, &course.train, course.frames, ranks.part(config.batch));
+        let plan = Plan::of(&state.weights.config, body.tokens())?;
         let mut network = Network::new(plan, rows.len(), precision, true)?;
         let colliders = train.scenes.iter().map(|scene| scene.colliders.len()).max().unwrap_or(0);
-        network.device.add(&unroll_program(&chain, &course.scale, &course.loss(), system, colliders), &KERNELS)?;
-        let (d, n, wide) = (&network.device, rows.len(), numbers(&chain));
+        let text = body.program(system, rows.len(), colliders).map_err(LearnError::Mismatch)?;
+        network.device.add(&(text + include_str!("sums.cuh")), &KERNELS)?;
+        let (d, n, widths) = (&network.device, rows.len(), body.widths());
         let optimiser = Optimiser::new(d, config, &state, BETA[1], joined(ranks, d)?)?;
         Ok(Self {
             ended: vec![None; n],
             step: state.step,
-            motions: Recorded::on(d, system, &chain, train, colliders)?,
+            motions: Recorded::on(d, system, body, train, colliders)?,
             rollouts: d.zeros(n * ROLLOUT)?,
-            chains: d.zeros((frames + 1) * n * wide)?,
-            upstream: d.zeros(n * wide)?,
-            touches: d.zeros(n * 4 * chain.rods)?,
-            by_tokens: d.zeros(n * chain.rods * INPUTS)?,
+            states: d.zeros((frames + 1) * n * widths.state)?,
+            upstream: d.zeros(n * widths.state)?,
+            kept: d.zeros((n * widths.kept).max(1))?,
+            by_tokens: d.zeros(n * widths.inputs)?,
             of_frame: d.zeros(optimiser.weights.len)?,
             losses: d.zeros(n)?,
             nears: d.zeros(n)?,
             replay: Replay::default(),
-            chain,
+            widths,
             config,
             course,
             rows,
@@ -114,29 +112,32 @@ impl CudaChainLearner {
     /// Where this update's rollouts begin: the host's numbers of each.
     fn drawn(&mut self) -> Result<Vec<f64>, LearnError> {
         let (frames, through) = (self.course.frames, self.course.train.frames);
-        let draws = self.course.draws(&self.chain, self.config.seed, self.step, self.rows.clone());
+        let draws = self.course.draws(self.config.seed, self.step, self.rows.clone());
         // Single frames are learned from the truth alone.
         let nears = if frames > 1 { self.network.device.download(&self.nears)? } else { vec![0; self.ended.len()] };
         let mut rows = Vec::with_capacity(self.ended.len() * ROLLOUT);
         for ((ended, draw), near) in self.ended.iter_mut().zip(draws).zip(nears) {
-            let kept = ended.filter(|(_, frame, _)| near != 0 && !draw.anew && frame + frames <= through);
-            let (motion, frame, view) = kept.unwrap_or((draw.motion, draw.frame, draw.view));
-            rows.extend(row(motion, frame, kept.is_none(), &view));
-            *ended = Some((motion, frame + frames, view));
+            let kept = ended.filter(|place| near != 0 && !draw.anew && place.frame + frames <= through);
+            let place = kept.unwrap_or(draw.place);
+            rows.extend(B::row(&place, kept.is_none()));
+            *ended = Some(Place { frame: place.frame + frames, ..place });
         }
         Ok(rows)
     }
 
-    /// A kernel with a block for each rollout; its first arguments are the rollouts and the motions.
+    /// A kernel over all rollouts; its first arguments are these and the motions.
     fn along(&self, kernel: &str, args: &[Arg]) -> Result<(), DeviceError> {
-        let Recorded { frames, chains, torques, scenes } = &self.motions;
-        let world = [self.rollouts.ptr, chains.ptr, torques.ptr, scenes.ptr].map(Ptr);
+        let Recorded { frames, states, torques, scenes } = &self.motions;
+        let world = [self.rollouts.ptr, states.ptr, torques.ptr, scenes.ptr].map(Ptr);
         self.each(kernel, &[&world[..], &[Int(*frames)], args].concat())
     }
 
     fn each(&self, kernel: &str, args: &[Arg]) -> Result<(), DeviceError> {
-        let threads = self.network.plan.tokens.next_multiple_of(32).min(128);
-        self.network.device.launch(kernel, (self.network.rows, 1), (threads, 1), 0, args)
+        let (blocks, threads) = match self.widths.threads {
+            Some(threads) => (self.network.rows, threads),
+            None => (self.network.rows.div_ceil(ALONE), ALONE),
+        };
+        self.network.device.launch(kernel, (blocks, 1), (threads, 1), 0, args)
     }
 
     /// The gradient of an update, followed by the loss.
@@ -144,24 +145,24 @@ impl CudaChainLearner {
         let (net, d, n, frames) = (&self.network, &self.network.device, self.network.rows, self.course.frames);
         let (w, all) = (self.optimiser.weights.ptr, &self.optimiser.gradients);
         let weight = 1.0 / (self.config.batch * frames) as f64;
-        let [chains, tokens, outputs, upstream, touches] =
-            [self.chains.ptr, net.at(Slot(0)), net.predictions().ptr, self.upstream.ptr, self.touches.ptr].map(Ptr);
-        self.along("unroll_begin", &[chains, Int(frames)])?;
+        let [states, tokens, outputs, upstream, kept] =
+            [self.states.ptr, net.at(Slot(0)), net.predictions().ptr, self.upstream.ptr, self.kept.ptr].map(Ptr);
+        self.along("unroll_begin", &[states, Int(frames)])?;
         net.fold(w)?;
         for k in 0..frames {
-            self.along("unroll_look", &[chains, Int(k), tokens])?;
+            self.along("unroll_look", &[states, Int(k), tokens])?;
             net.predict(w, n)?;
-            self.along("unroll_advance", &[chains, Int(k), outputs])?;
+            self.along("unroll_advance", &[states, Int(k), outputs])?;
         }
-        self.along("unroll_end", &[chains, Int(frames), Ptr(self.nears.ptr)])?;
+        self.along("unroll_end", &[states, Int(frames), Ptr(self.nears.ptr)])?;
         for k in (0..frames).rev() {
             let later = frames - 1 - k;
-            let rest = [Double(weight), upstream, Ptr(self.losses.ptr), tokens, touches];
-            self.along("unroll_behind", &[&[chains, Int(k), Int(later)][..], &rest].concat())?;
+            let rest = [Double(weight), upstream, Ptr(self.losses.ptr), tokens, kept];
+            self.along("unroll_behind", &[&[states, Int(k), Int(later)][..], &rest].concat())?;
             net.forward(w, n)?;
-            self.each("unroll_said", &[chains, Int(k), outputs, upstream, Ptr(net.slope())])?;
+            self.each("unroll_said", &[states, Int(k), outputs, upstream, Ptr(net.slope())])?;
             net.backward(w, self.of_frame.ptr, n, Some(self.by_tokens.ptr))?;
-            self.along("unroll_back", &[chains, Int(k), outputs, touches, Ptr(self.by_tokens.ptr), upstream])?;
+            self.along("unroll_back", &[states, Int(k), outputs, kept, Ptr(self.by_tokens.ptr), upstream])?;
             let p = self.of_frame.len;
             let args = [Ptr(self.of_frame.ptr), Ptr(all.ptr), Int(p), Int(usize::from(later == 0))];
             d.launch("unroll_add", (p.div_ceil(256), 1), (256, 1), 0, &args)?;
@@ -173,36 +174,35 @@ impl CudaChainLearner {
 /// Motions in the device's memory.
 struct Recorded {
     frames: usize,
-    chains: Buffer<f64>,
-    /// Of the gripper.
+    states: Buffer<f64>,
+    /// Those that are seen.
     torques: Buffer<f64>,
     scenes: Buffer<f64>,
 }
 
 impl Recorded {
-    fn on(d: &Device, system: &System, chain: &Chain, motions: &Motions, colliders: usize) -> Result<Self, LearnError> {
-        let count = motions.len() * (motions.frames + 1);
-        let truths = d.zeros(count * numbers(chain))?;
+    fn on<B: OnCard>(d: &Device, system: &System, body: &B, motions: &Motions, colliders: usize) -> Result<Self, LearnError> {
+        let (count, widths) = (motions.len() * (motions.frames + 1), body.widths());
+        let truths = d.zeros(count * widths.state)?;
         let states = motions.states();
         let width = states.len() / count.max(1);
         for (i, part) in states.chunks(SENT * width).enumerate() {
             let (sent, rows) = (d.upload(part)?, part.len() / width);
-            let args = [Ptr(sent.ptr), Ptr(truths.at(i * SENT * numbers(chain))), Long(rows as u64)];
+            let args = [Ptr(sent.ptr), Ptr(truths.at(i * SENT * widths.state)), Long(rows as u64)];
             d.launch("unroll_truths", (rows.div_ceil(64), 1), (64, 1), 0, &args)?;
             d.wait()?;
         }
-        let torques = |i: usize| (0..motions.frames).flat_map(move |k| motions.torques(i, k)[..6].iter().copied());
-        let torques: Vec<f64> = (0..motions.len()).flat_map(torques).collect();
-        let (settings, reach) = (ArticulatedConfig::implicit(1, Friction::Coulomb), Reach { colliders, ..Reach::default() });
+        let torques = |i: usize| (0..motions.frames).flat_map(move |k| motions.torques(i, k)[..widths.torques].iter().copied());
+        let torques: Vec<f64> = (0..motions.len()).flat_map(torques).chain([0.0]).collect();
         let mut scenes = Vec::new();
         for scene in &motions.scenes {
-            scenes.extend(record(scene, system, &settings, reach).map_err(LearnError::Mismatch)?);
+            scenes.extend(body.record(system, scene, colliders).map_err(LearnError::Mismatch)?);
         }
-        Ok(Self { frames: motions.frames, chains: truths, torques: d.upload(&torques)?, scenes: d.upload(&scenes)? })
+        Ok(Self { frames: motions.frames, states: truths, torques: d.upload(&torques)?, scenes: d.upload(&scenes)? })
     }
 }
 
-impl Learner for CudaChainLearner {
+impl<B: OnCard> Learner for CudaUnrollLearner<B> {
     fn update(&mut self, lr: f32) -> Result<(), LearnError> {
         let rows = self.drawn()?;
         let d = &self.network.device;
@@ -219,11 +219,11 @@ impl Learner for CudaChainLearner {
         self.optimiser.progress(&self.network.device)
     }
 
-    /// As [`super::ChainLearner`]'s, on the CPU.
+    /// As [`super::UnrollLearner`]'s, on the CPU.
     fn validate(&mut self, frames: usize) -> Result<f32, LearnError> {
         let state = self.state()?;
         let network = Loaded::new(state.weights.config.program(), &state.average);
-        Ok(missed(&self.chain, &self.course.validation, &network, &self.course.scale, frames) as f32)
+        Ok(self.course.body.missed(&self.course.validation, &network, frames) as f32)
     }
 
     fn state(&mut self) -> Result<LearnerState, LearnError> {

@@ -8,6 +8,8 @@
 use nalgebra::Vector3;
 use nerd_model::chain::{Chain, Gripper, OUTPUTS, Rods};
 
+use super::super::body::bent;
+
 /// Share f of a frame's change that is an error of one: of single frames, and of rollouts.
 const SHARE: [f64; 2] = [0.1, 0.2];
 
@@ -47,7 +49,7 @@ impl Loss {
 
     fn led(&self, predicted: &Gripper, truth: &Gripper, weight: f64, slope: &mut Gripper) -> f64 {
         let pairs = predicted.numbers().zip(truth.numbers()).zip(self.gripper);
-        pairs.zip(slope.numbers_mut()).map(|(((a, b), unit), slope)| round(a - b, 2.0 * unit, weight, slope)).sum()
+        pairs.zip(slope.numbers_mut()).map(|(((a, b), unit), slope)| bent(a - b, 2.0 * unit, weight, slope)).sum()
     }
 }
 
@@ -55,15 +57,7 @@ impl Loss {
 fn vectors(a: &[Vector3<f64>], b: &[Vector3<f64>], unit: f64, weight: f64, slope: &mut [Vector3<f64>]) -> f64 {
     let weight = weight / (3 * a.len()) as f64;
     let one = |((a, b), slope): ((&Vector3<f64>, &Vector3<f64>), &mut Vector3<f64>)| {
-        (0..3).map(|i| round(a[i] - b[i], unit, weight, &mut slope[i])).sum::<f64>()
+        (0..3).map(|i| bent(a[i] - b[i], unit, weight, &mut slope[i])).sum::<f64>()
     };
     a.iter().zip(b).zip(slope).map(one).sum()
-}
-
-/// `weight p(e / unit)`, its gradient added.
-fn round(e: f64, unit: f64, weight: f64, slope: &mut f64) -> f64 {
-    let e = e / unit;
-    let length = (1.0 + e * e).sqrt();
-    *slope += weight * e / (length * unit);
-    weight * (length - 1.0)
 }

@@ -1,14 +1,13 @@
-//! Updates of a chain's network as a [`Learner`], so that its runs are ordinary runs.
+//! Updates through many frames as a [`Learner`], so that their runs are ordinary runs.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use nerd_model::chain::Chain;
 use nerd_model::program::cpu::{Loaded, Memory};
 use rayon::prelude::*;
 
-use super::course::{ASTRAY, BETA, Course, Draw};
-use super::judge::{apart, missed};
-use super::unroll::{Rollout, Unroll};
+use super::body::Body;
+use super::course::{BETA, Course, Draw};
+use super::pass::{Rollout, Unroll};
 use crate::learner::optimiser::Optimiser;
 use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Progress};
 use crate::ranks::Ranks;
@@ -16,29 +15,28 @@ use crate::ranks::Ranks;
 /// Rollouts of a thread's pass: their activations in a frame stay near the processor.
 pub(crate) const ROLLOUTS: usize = 8;
 
-/// Trains a chain's network on motions.
-pub struct ChainLearner {
-    chain: Chain,
+/// Trains a network on motions.
+pub struct UnrollLearner<B: Body> {
     optimiser: Optimiser,
-    course: Course,
+    course: Course<B>,
     network: Loaded,
     /// Of this rank, where the last update ended. A resumed run restarts all of them.
-    rollouts: Vec<Option<Rollout>>,
+    rollouts: Vec<Option<Rollout<B>>>,
     ranks: Arc<Ranks>,
     memory: Mutex<Vec<Vec<Memory>>>,
 }
 
-impl ChainLearner {
+impl<B: Body> UnrollLearner<B> {
     /// Continues `state`.
     ///
     /// # Errors
     /// If no motion is as long as a rollout.
-    pub fn new(chain: Chain, config: LearnerConfig, state: LearnerState, course: Course) -> Result<Self, LearnError> {
+    pub fn new(config: LearnerConfig, state: LearnerState, course: Course<B>) -> Result<Self, LearnError> {
         config.check().map_err(LearnError::Mismatch)?;
         course.check()?;
         let network = Loaded::new(state.weights.config.program(), &state.weights.flat);
         let (rollouts, optimiser) = (vec![None; config.batch], Optimiser::new(config, state, BETA));
-        Ok(Self { chain, optimiser, course, network, rollouts, ranks: Arc::default(), memory: Mutex::default() })
+        Ok(Self { optimiser, course, network, rollouts, ranks: Arc::default(), memory: Mutex::default() })
     }
 
     /// Computes this rank's rollouts of every update.
@@ -48,36 +46,34 @@ impl ChainLearner {
         self
     }
 
-    fn unroll(&self) -> Unroll<'_> {
-        let Self { chain, course, network, .. } = self;
-        Unroll { chain, course, network }
+    fn unroll(&self) -> Unroll<'_, B> {
+        Unroll { course: &self.course, network: &self.network }
     }
 
     /// This rank's of an update: carried on, or begun where its draws say.
-    fn drawn(&mut self) -> Vec<Rollout> {
+    fn drawn(&mut self) -> Vec<Rollout<B>> {
         let (frames, total, config) = (self.course.frames, self.course.train.frames, self.optimiser.config);
-        let draws = self.course.draws(&self.chain, config.seed, self.optimiser.state.step, self.ranks.part(config.batch));
+        let draws = self.course.draws(config.seed, self.optimiser.state.step, self.ranks.part(config.batch));
         let (before, unroll) = (std::mem::take(&mut self.rollouts), self.unroll());
-        let one = |(before, draw): (Option<Rollout>, Draw)| {
-            let kept = before.filter(|r| !draw.anew && r.frame + frames <= total);
-            kept.unwrap_or_else(|| unroll.begin(draw.motion, draw.frame, draw.view))
+        let one = |(before, draw): (Option<Rollout<B>>, Draw<B::View>)| {
+            let kept = before.filter(|r| !draw.anew && r.place.frame + frames <= total);
+            kept.unwrap_or_else(|| unroll.begin(draw.place))
         };
         before.into_iter().zip(draws).map(one).collect()
     }
 
     /// Whether a rollout is near enough to the truth to be carried on.
-    fn near(&self, rollout: &Rollout) -> bool {
-        let truth = self.unroll().begin(rollout.motion, rollout.frame, rollout.view).rods;
-        rollout.rods.finite() && apart(&self.chain, &rollout.rods, &truth) <= ASTRAY * self.chain.rods as f64
+    fn near(&self, rollout: &Rollout<B>) -> bool {
+        self.course.body.near(&rollout.state, &self.unroll().begin(rollout.place).state)
     }
 }
 
-impl Learner for ChainLearner {
+impl<B: Body> Learner for UnrollLearner<B> {
     fn update(&mut self, lr: f32) -> Result<(), LearnError> {
         let mut rollouts = self.drawn();
         self.network.load(&self.optimiser.state.weights.flat);
         let (unroll, weight) = (self.unroll(), 1.0 / (self.optimiser.config.batch * self.course.frames) as f64);
-        let part = |rollouts: &mut [Rollout]| {
+        let part = |rollouts: &mut [Rollout<B>]| {
             let taken = self.memory.lock().unwrap_or_else(PoisonError::into_inner).pop();
             let mut memory = taken.unwrap_or_default();
             let done = unroll.pass(rollouts, weight, &mut memory);
@@ -100,10 +96,10 @@ impl Learner for ChainLearner {
         Ok(self.optimiser.progress())
     }
 
-    /// What the averaged weights miss of the change of rates in single frames, as a share of it.
+    /// What the averaged weights miss of the change over single frames, as a share of it.
     fn validate(&mut self, frames: usize) -> Result<f32, LearnError> {
         self.network.load(&self.optimiser.state.average);
-        Ok(missed(&self.chain, &self.course.validation, &self.network, &self.course.scale, frames) as f32)
+        Ok(self.course.body.missed(&self.course.validation, &self.network, frames) as f32)
     }
 
     fn state(&mut self) -> Result<LearnerState, LearnError> {

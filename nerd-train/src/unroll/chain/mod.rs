@@ -1,0 +1,108 @@
+//! Cables ([`nerd_model::chain`]): a token is a rod, and motions are turned and mirrored.
+
+mod judge;
+pub mod kernels;
+mod loss;
+mod scales;
+mod view;
+
+use nerd_model::chain::{Chain, Gripper, Look, OUTPUTS, Outputs, Rods};
+use nerd_model::program::cpu::Loaded;
+
+pub use judge::distance;
+pub use loss::Loss;
+pub use scales::scales;
+pub use view::View;
+
+use super::body::{Body, Place, join};
+use super::data::Motions;
+use judge::{apart, missed};
+
+/// Mean distance (m) of nodes from the truth beyond which a rollout teaches nothing of it any more.
+const ASTRAY: f64 = 0.03;
+
+/// A cable as it is rolled out.
+#[derive(Clone)]
+pub struct Cable {
+    /// Its constants.
+    pub chain: Chain,
+    /// What 1 means of each number that the network predicts ([`scales`]).
+    pub scale: [f64; OUTPUTS],
+    /// What errors count.
+    pub loss: Loss,
+}
+
+impl Body for Cable {
+    type View = View;
+    type State = Rods;
+    type Slope = Rods;
+    type Look = Look;
+    type Memory = ();
+
+    fn memory(&self) {}
+
+    fn tokens(&self) -> usize {
+        self.chain.rods
+    }
+
+    fn view(&self, yaw: f64, mirrored: bool) -> View {
+        let round = self.chain.round();
+        View::new(if round { yaw } else { 0.0 }, round && mirrored)
+    }
+
+    fn truth(&self, motions: &Motions, Place { motion, frame, view }: &Place<View>) -> Rods {
+        view.rods(&self.chain, &self.chain.rods(motions.state(*motion, *frame)))
+    }
+
+    fn look(&self, rods: &Rods, motions: &Motions, place: &Place<View>, (): &mut (), tokens: &mut Vec<f32>) -> Look {
+        let Place { motion, frame, view } = place;
+        let (torques, scene) = (view.torques(&self.chain, motions.torques(*motion, *frame)), &motions.scenes[*motion]);
+        let look = Look::at(&self.chain, rods, &torques, |at| view.contact(&self.chain, scene, at));
+        look.tokens(&self.chain, rods, tokens);
+        look
+    }
+
+    fn advance(&self, before: &Rods, look: &Look, numbers: &[f32], (): &mut ()) -> Rods {
+        self.chain.advance(before, &look.glided, Outputs { numbers, scale: &self.scale })
+    }
+
+    fn level(&self) -> Rods {
+        Rods::zeros(self.chain.rods)
+    }
+
+    fn loss(&self, [predicted, truth]: [&Rods; 2], k: usize, weight: f64, slope: &mut Rods) -> f64 {
+        self.loss.of(&self.chain, (predicted, truth), k, weight, slope)
+    }
+
+    fn join(&self, own: &mut Rods, upstream: &Rods, later: usize) {
+        let norm = |rods: &Rods| (square(rods.gripper.numbers()) + square(rods.along.iter().chain(&rods.rates).flatten().copied())).sqrt();
+        let share = join(norm(own), norm(upstream), later);
+        own.gripper.numbers_mut().zip(upstream.gripper.numbers()).for_each(|(x, y)| *x += share * y);
+        let pairs = own.along.iter_mut().chain(&mut own.rates).zip(upstream.along.iter().chain(&upstream.rates));
+        pairs.for_each(|(x, y)| *x += y * share);
+    }
+
+    fn advance_back(&self, before: &Rods, _: &Look, numbers: &[f32], upstream: &Rods, slope: &mut Rods) -> Vec<f32> {
+        self.chain.advance_back(before, Outputs { numbers, scale: &self.scale }, upstream, slope)
+    }
+
+    fn look_back(&self, before: &Rods, look: &Look, by_tokens: &[f32], upstream: &Rods, slope: &mut Rods, (): &mut ()) {
+        // Through the gripper's glide, too.
+        let mut glided: Gripper = look.tokens_back(&self.chain, before, by_tokens, slope);
+        glided.numbers_mut().zip(upstream.gripper.numbers()).for_each(|(x, g)| *x += g);
+        let led = self.chain.glide_back(&glided);
+        slope.gripper.numbers_mut().zip(led.numbers()).for_each(|(x, g)| *x += g);
+    }
+
+    fn near(&self, rods: &Rods, truth: &Rods) -> bool {
+        rods.finite() && apart(&self.chain, rods, truth) <= ASTRAY * self.chain.rods as f64
+    }
+
+    fn missed(&self, motions: &Motions, network: &Loaded, frames: usize) -> f64 {
+        missed(&self.chain, motions, network, &self.scale, frames)
+    }
+}
+
+fn square(numbers: impl Iterator<Item = f64>) -> f64 {
+    numbers.map(|x| x * x).sum()
+}

@@ -1,0 +1,108 @@
+//! Rollouts through H frames and the gradient of their loss: back-propagation through time.
+
+use nerd_model::program::cpu::{Loaded, Memory, Pass};
+
+use super::body::{Body, Place};
+use super::course::Course;
+
+/// A state on its way along a motion.
+#[derive(Clone)]
+pub struct Rollout<B: Body> {
+    /// The frame that it has come to.
+    pub place: Place<B::View>,
+    /// Where it is, as it is seen.
+    pub state: B::State,
+}
+
+/// What rollouts go through.
+pub struct Unroll<'a, B> {
+    /// What they should do.
+    pub course: &'a Course<B>,
+    /// With the weights of the update.
+    pub network: &'a Loaded,
+}
+
+/// What the way back needs of a frame.
+struct Kept<B: Body> {
+    before: Vec<B::State>,
+    looks: Vec<B::Look>,
+    outputs: Vec<f32>,
+    /// Of the frame's loss, by the states after it.
+    slopes: Vec<B::Slope>,
+}
+
+impl<B: Body> Unroll<'_, B> {
+    /// A rollout that begins on the truth.
+    pub fn begin(&self, place: Place<B::View>) -> Rollout<B> {
+        Rollout { place, state: self.course.body.truth(&self.course.train, &place) }
+    }
+
+    /// Moves rollouts through H frames; the sum of their losses times `weight` and its gradient by the weights. `memory` holds the
+    /// network's activations by frame.
+    pub fn pass(&self, rollouts: &mut [Rollout<B>], weight: f64, memory: &mut Vec<Memory>) -> (f64, Vec<f32>) {
+        let (frames, mut own) = (self.course.frames, self.course.body.memory());
+        memory.resize_with(frames.max(memory.len()), Memory::default);
+        let mut total = 0.0;
+        let kept: Vec<Kept<B>> = (0..frames).map(|k| self.forward(k, rollouts, weight, (&mut own, &mut memory[k]), &mut total)).collect();
+        let mut gradient: Vec<f32> = Vec::new();
+        let mut upstream: Vec<B::Slope> = Vec::new();
+        for (k, kept) in kept.into_iter().enumerate().rev() {
+            upstream = self.backward(&kept, (&upstream, frames - 1 - k), (&mut own, &mut memory[k]), &mut gradient);
+        }
+        (total, gradient)
+    }
+
+    fn forward(
+        &self,
+        k: usize,
+        rollouts: &mut [Rollout<B>],
+        weight: f64,
+        (own, memory): (&mut B::Memory, &mut Memory),
+        total: &mut f64,
+    ) -> Kept<B> {
+        let Course { body, train, .. } = self.course;
+        let mut tokens = Vec::new();
+        let looks: Vec<B::Look> = rollouts.iter().map(|r| body.look(&r.state, train, &r.place, own, &mut tokens)).collect();
+        let outputs = self.network.forward(&tokens, memory, Pass::Kept(body.tokens())).clone();
+        let (mut before, mut slopes) = (Vec::with_capacity(rollouts.len()), Vec::with_capacity(rollouts.len()));
+        let rows = outputs.chunks_exact(outputs.len() / rollouts.len().max(1));
+        for ((r, look), row) in rollouts.iter_mut().zip(&looks).zip(rows) {
+            let after = body.advance(&r.state, look, row, own);
+            r.place.frame += 1;
+            let (truth, mut slope) = (body.truth(train, &r.place), body.level());
+            *total += body.loss([&after, &truth], k + 1, weight, &mut slope);
+            before.push(std::mem::replace(&mut r.state, after));
+            slopes.push(slope);
+        }
+        Kept { before, looks, outputs, slopes }
+    }
+
+    /// Gradients by the rollouts before a frame from the upstream ones of so many later frames; none after the last.
+    fn backward(
+        &self,
+        kept: &Kept<B>,
+        (upstream, later): (&[B::Slope], usize),
+        (own, memory): (&mut B::Memory, &mut Memory),
+        gradient: &mut Vec<f32>,
+    ) -> Vec<B::Slope> {
+        let (body, count) = (&self.course.body, kept.before.len());
+        let (mut all, mut slopes, mut by_outputs) = (kept.slopes.clone(), Vec::with_capacity(count), Vec::new());
+        all.iter_mut().zip(upstream).for_each(|(own, upstream)| body.join(own, upstream, later));
+        let rows = kept.outputs.chunks_exact(kept.outputs.len() / count);
+        for (((before, look), row), upstream) in kept.before.iter().zip(&kept.looks).zip(rows).zip(&all) {
+            let mut slope = body.level();
+            by_outputs.extend(body.advance_back(before, look, row, upstream, &mut slope));
+            slopes.push(slope);
+        }
+        let (by_weights, by_tokens) = self.network.backward(body.tokens(), &by_outputs, memory, true);
+        match gradient.is_empty() {
+            true => *gradient = by_weights,
+            false => gradient.iter_mut().zip(&by_weights).for_each(|(g, w)| *g += w),
+        }
+        let rows = by_tokens.chunks_exact(by_tokens.len() / count);
+        for ((((before, look), upstream), row), slope) in kept.before.iter().zip(&kept.looks).zip(&all).zip(rows).zip(&mut slopes) {
+            body.look_back(before, look, row, upstream, slope, own);
+        }
+        slopes
+    }
+}

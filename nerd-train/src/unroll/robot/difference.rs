@@ -1,0 +1,47 @@
+//! How far states lie apart, in the tangent space of the first, and its way back.
+
+use nalgebra::Vector3;
+use nerd_core::robot::Robot;
+use nerd_core::state::{quaternion, vector, wrap};
+use nerd_model::slopes::own_velocity;
+
+/// How state `b` lies from `a`: `[pose, velocities]`, each as in `qd`; of a free root its turn (twice the vector part of `a^-1 b`, rad), its
+/// way (m), and its velocities in its own axes.
+pub fn difference(robot: &Robot, a: &[f64], b: &[f64]) -> Vec<f64> {
+    let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
+    let mut out = vec![0.0; 2 * nv];
+    for (i, joint) in robot.joints().enumerate() {
+        let turned = b[coords + i] - a[coords + i];
+        out[dofs + i] = if joint.wraps() { wrap(turned) } else { turned };
+        out[nv + dofs + i] = b[nq + dofs + i] - a[nq + dofs + i];
+    }
+    if robot.floating() {
+        let (r, (turn, sign)) = (quaternion(&a[3..7]), turned(a, b));
+        let ([a0, a1], [b0, b1]) = (own_velocity(a, nq), own_velocity(b, nq));
+        let parts = [turn * (2.0 * sign), r.inverse_transform_vector(&(vector(b) - vector(a)))];
+        out[..6].iter_mut().zip(parts.iter().flatten()).for_each(|(o, x)| *o = *x);
+        out[nv..nv + 6].iter_mut().zip([b0 - a0, b1 - a1].iter().flatten()).for_each(|(o, x)| *o = *x);
+    }
+    out
+}
+
+/// Adds to `slope`, by `b`, what comes of a gradient by its difference from `a`.
+pub fn difference_back(robot: &Robot, a: &[f64], b: &[f64], upstream: &[f64], slope: &mut [f64]) {
+    let first = if robot.floating() { 6 } else { 0 };
+    let nv = robot.nv();
+    let plain = (first..nv).chain(nv..2 * nv);
+    plain.for_each(|k| slope[k] += upstream[k]);
+    if robot.floating() {
+        let (from, to, (turn, sign)) = (quaternion(&a[3..7]), quaternion(&b[3..7]), turned(a, b));
+        let real = (from.inverse() * to).w * sign;
+        let (by_turn, by_way) = (vector(upstream), vector(&upstream[3..]));
+        let parts: [Vector3<f64>; 2] = [by_turn * real + by_turn.cross(&turn) * sign, to.inverse_transform_vector(&(from * by_way))];
+        slope.iter_mut().zip(parts.iter().flatten()).for_each(|(s, g)| *s += g);
+    }
+}
+
+/// The vector part of `a^-1 b`, and the sign by which that is the shorter way.
+fn turned(a: &[f64], b: &[f64]) -> (Vector3<f64>, f64) {
+    let turn = quaternion(&a[3..7]).inverse() * quaternion(&b[3..7]);
+    (turn.imag(), if turn.w < 0.0 { -1.0 } else { 1.0 })
+}

@@ -1,0 +1,44 @@
+//! A robot's kernels: [`super::Robot`] in 64 bits, on the kernels of a model's frames, a thread a rollout.
+
+use std::fmt::Write;
+use std::sync::Arc;
+
+use nerd_model::base::Base;
+use nerd_model::device::{settings, token_functions};
+use nerd_model::features::Features;
+use nerd_sim::articulated::device::{Reach, Real, record};
+use nerd_sim::scene::Scene;
+use nerd_sim::system::System;
+
+use super::super::kernels::{OnCard, Widths};
+use super::{ASTRAY, Robot, SHARE};
+
+impl OnCard for Robot {
+    fn widths(&self) -> Widths {
+        let robot = &self.system.robot;
+        let inputs = Features::inputs(&self.system, Base::State);
+        Widths { state: robot.state_dim(), kept: 0, inputs, torques: robot.joint_count(), threads: None }
+    }
+
+    fn program(&self, system: &Arc<System>, rollouts: usize, colliders: usize) -> Result<String, String> {
+        let mut text = token_functions(Base::State.into(), &self.normalizer, system, Real::F64, colliders)?;
+        for (name, x) in [("SHARE", SHARE), ("ASTRAY", ASTRAY)] {
+            let _ = writeln!(text, "#define {name} {x:e}");
+        }
+        let _ = writeln!(text, "#define ROLLOUTS {rollouts}");
+        for (name, numbers) in [("UNIT", &self.units), ("COUNTS", &self.weights)] {
+            let numbers: Vec<String> = numbers.iter().map(|x| format!("{x:e}")).collect();
+            let _ = writeln!(text, "TABLE double {name}[] = {{{}}};", numbers.join(", "));
+        }
+        Ok(text + include_str!("robot.cuh") + include_str!("robot_frame.cuh"))
+    }
+
+    fn record(&self, system: &System, scene: &Scene, colliders: usize) -> Result<Vec<f64>, String> {
+        let (settings, reach) = settings(Base::State.into(), system)?;
+        record(scene, system, &settings, Reach { colliders, ..reach })
+    }
+
+    fn numbers((): &()) -> [f64; 4] {
+        [0.0; 4]
+    }
+}

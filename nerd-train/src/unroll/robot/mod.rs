@@ -1,0 +1,208 @@
+//! Robots that a network sees by one token, added to the state: a token is a frame, and contacts are found anew in each predicted one.
+
+mod difference;
+pub mod kernels;
+
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+use nerd_core::contact::ContactEvent;
+use nerd_core::dynamics::Data;
+use nerd_core::state::wrap_state;
+use nerd_model::base::Base;
+use nerd_model::features::Features;
+use nerd_model::normalizer::Normalizer;
+use nerd_model::program::cpu::{Loaded, Memory, Pass};
+use nerd_model::slopes::{Seen, apply_back, token_back};
+use nerd_sim::scene::contacts;
+use nerd_sim::system::System;
+use rayon::prelude::*;
+
+pub use difference::{difference, difference_back};
+
+use super::body::{Body, Place, bent, join};
+use super::data::Motions;
+use crate::learner::validation_rows;
+
+/// Share of a frame's change that is an error of one.
+const SHARE: f64 = 0.2;
+/// Mean error of a pose (m, rad) beyond which a rollout teaches nothing of the truth any more.
+const ASTRAY: f64 = 0.02;
+/// Frames that units are measured in.
+const FRAMES: usize = 8000;
+/// No unit is less: what never moves would be divided by nothing.
+const LEAST: f64 = 1e-9;
+
+/// A robot as it is rolled out.
+///
+/// The loss of frame k is `mean p(e / 2 f u sqrt k)` over each of pose and velocities of root and joints, with `p(e) = sqrt(1 + e^2) - 1`,
+/// f = 0.2, e the difference of predicted and true state in the tangent space of the truth ([`difference`]), and u the mean change of
+/// that velocity over a frame; of a pose it is that times the frame's time.
+#[derive(Clone)]
+pub struct Robot {
+    /// Which.
+    pub system: Arc<System>,
+    /// Of its network.
+    pub normalizer: Normalizer,
+    /// What errors count from, by number of the tangent space.
+    pub units: Vec<f64>,
+    /// What they count.
+    weights: Vec<f64>,
+}
+
+impl Robot {
+    /// Units are measured in `motions`.
+    pub fn new(system: &Arc<System>, normalizer: &Normalizer, motions: &Motions) -> Self {
+        let (nv, dofs) = (system.robot.nv(), system.robot.root_dofs());
+        let step = (motions.len() * motions.frames).div_ceil(FRAMES).max(1);
+        let rows: Vec<usize> = (0..motions.len() * motions.frames).step_by(step).collect();
+        let mut units = vec![0.0; 2 * nv];
+        for row in &rows {
+            let [motion, frame] = [row / motions.frames, row % motions.frames];
+            let change = difference(&system.robot, motions.state(motion, frame), motions.state(motion, frame + 1));
+            units[nv..].iter_mut().zip(&change[nv..]).for_each(|(unit, x)| *unit += x.abs() / rows.len() as f64);
+        }
+        for k in 0..nv {
+            units[nv + k] = units[nv + k].max(LEAST);
+            units[k] = units[nv + k] * system.frame_time;
+        }
+        let weight = |k: usize| 1.0 / if k % nv < dofs { 3.0 } else { (nv - dofs) as f64 };
+        let weights = (0..2 * nv).map(weight).collect();
+        Self { system: system.clone(), normalizer: normalizer.clone(), units, weights }
+    }
+
+    /// Predicted change, in units of the state.
+    fn change(&self, outputs: &[f32]) -> Vec<f64> {
+        let moments = &self.normalizer.outputs;
+        outputs.iter().zip(moments.scale().zip(&moments.mean)).map(|(x, (scale, mean))| f64::from(*x) * scale + mean).collect()
+    }
+
+    fn norm(&self, slope: &[f64]) -> f64 {
+        slope.iter().zip(&self.units).map(|(g, unit)| (g * unit).powi(2)).sum::<f64>().sqrt()
+    }
+}
+
+/// What was seen of a state.
+pub struct Looked {
+    contacts: Vec<ContactEvent>,
+    gravity: Vector3<f64>,
+}
+
+/// Working memory of a thread.
+pub struct Scratch {
+    features: Features,
+    data: Data,
+}
+
+impl Body for Robot {
+    type View = ();
+    type State = Vec<f64>;
+    type Slope = Vec<f64>;
+    type Look = Looked;
+    type Memory = Scratch;
+
+    fn memory(&self) -> Scratch {
+        Scratch { features: Features::new(&self.system, Base::State), data: Data::new(&self.system.robot) }
+    }
+
+    fn tokens(&self) -> usize {
+        1
+    }
+
+    fn view(&self, _: f64, _: bool) {}
+
+    fn truth(&self, motions: &Motions, place: &Place<()>) -> Vec<f64> {
+        motions.state(place.motion, place.frame).to_vec()
+    }
+
+    fn look(
+        &self,
+        state: &Vec<f64>,
+        motions: &Motions,
+        place: &Place<()>,
+        Scratch { features, data }: &mut Scratch,
+        tokens: &mut Vec<f32>,
+    ) -> Looked {
+        let (mut events, scene) = (Vec::new(), &motions.scenes[place.motion]);
+        if !self.system.robot.contact_points.is_empty() {
+            contacts(&self.system.robot, scene, state, data, &mut events);
+        }
+        let first = tokens.len();
+        tokens.resize(first + self.normalizer.inputs.mean.len(), 0.0);
+        let torques = motions.torques(place.motion, place.frame);
+        features.token(state, state, &events, torques, &scene.gravity, &mut tokens[first..]);
+        self.normalizer.inputs.normalize(&mut tokens[first..]);
+        Looked { contacts: events, gravity: scene.gravity }
+    }
+
+    fn advance(&self, before: &Vec<f64>, _: &Looked, outputs: &[f32], scratch: &mut Scratch) -> Vec<f64> {
+        let mut next = vec![0.0; before.len()];
+        scratch.features.apply(before, before, &self.change(outputs), &mut next);
+        wrap_state(&self.system.robot, &mut next);
+        next
+    }
+
+    fn level(&self) -> Vec<f64> {
+        vec![0.0; self.units.len()]
+    }
+
+    fn loss(&self, [predicted, truth]: [&Vec<f64>; 2], k: usize, weight: f64, slope: &mut Vec<f64>) -> f64 {
+        let q = 2.0 * SHARE * (k as f64).sqrt();
+        let (error, mut by_error) = (difference(&self.system.robot, truth, predicted), self.level());
+        let numbers = error.iter().zip(&self.units).zip(&self.weights).zip(&mut by_error);
+        let total = numbers.map(|(((e, unit), share), by)| bent(*e, unit * q, weight * share, by)).sum();
+        difference_back(&self.system.robot, truth, predicted, &by_error, slope);
+        total
+    }
+
+    fn join(&self, own: &mut Vec<f64>, upstream: &Vec<f64>, later: usize) {
+        let share = join(self.norm(own), self.norm(upstream), later);
+        own.iter_mut().zip(upstream).for_each(|(x, y)| *x += share * y);
+    }
+
+    fn advance_back(&self, before: &Vec<f64>, _: &Looked, outputs: &[f32], upstream: &Vec<f64>, slope: &mut Vec<f64>) -> Vec<f32> {
+        let mut by_change = vec![0.0; before.len()];
+        apply_back(&self.system.robot, before, &self.change(outputs), upstream, slope, &mut by_change);
+        by_change.iter().zip(self.normalizer.outputs.scale()).map(|(g, scale)| (g * scale) as f32).collect()
+    }
+
+    fn look_back(
+        &self,
+        before: &Vec<f64>,
+        Looked { contacts, gravity }: &Looked,
+        by_tokens: &[f32],
+        _: &Vec<f64>,
+        slope: &mut Vec<f64>,
+        scratch: &mut Scratch,
+    ) {
+        let by: Vec<f32> = by_tokens.iter().zip(self.normalizer.inputs.scale()).map(|(g, scale)| (f64::from(*g) / scale) as f32).collect();
+        token_back(&self.system.robot, &Seen { state: before, contacts, gravity: *gravity }, &by, &mut scratch.data, slope);
+    }
+
+    fn near(&self, state: &Vec<f64>, truth: &Vec<f64>) -> bool {
+        let error = difference(&self.system.robot, truth, state);
+        let pose = &error[..error.len() / 2];
+        // Not where one is no number.
+        pose.iter().map(|e| e.abs()).sum::<f64>() <= ASTRAY * pose.len() as f64
+    }
+
+    fn missed(&self, motions: &Motions, network: &Loaded, frames: usize) -> f64 {
+        let rows = validation_rows(motions.len() * motions.frames, frames);
+        let one = |(scratch, memory): &mut (Scratch, Memory), row: &u64| {
+            let place = Place { motion: *row as usize / motions.frames, frame: *row as usize % motions.frames, view: () };
+            let (before, mut tokens) = (self.truth(motions, &place), Vec::new());
+            let events = self.look(&before, motions, &place, scratch, &mut tokens);
+            let outputs = network.forward(&tokens, memory, Pass::Kept(1)).clone();
+            let after = self.advance(&before, &events, &outputs, scratch);
+            let truth = self.truth(motions, &Place { frame: place.frame + 1, ..place });
+            let size = |a: &[f64], b: &[f64]| {
+                let error = difference(&self.system.robot, a, b);
+                let velocities = error.iter().zip(&self.units).skip(error.len() / 2);
+                velocities.map(|(e, unit)| (e / unit).abs()).sum::<f64>()
+            };
+            (size(&truth, &after), size(&truth, &before))
+        };
+        let sums: Vec<(f64, f64)> = rows.par_iter().map_init(|| (self.memory(), Memory::default()), one).collect();
+        sums.iter().map(|s| s.0).sum::<f64>() / sums.iter().map(|s| s.1).sum::<f64>().max(1e-300)
+    }
+}

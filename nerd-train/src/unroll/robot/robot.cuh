@@ -1,0 +1,163 @@
+// Rollouts of a robot that is seen by one token, and the gradient of their loss, as mod.rs, difference.rs and nerd_model's slopes.rs have them, in
+// 64 bits: a thread a rollout. Beside what tokens.cuh asks for, the host gives ROLLOUTS, UNIT and COUNTS (2 NV each), SHARE and ASTRAY.
+
+// Velocity of the root in its own axes.
+FN void own_velocity(const double* state, V3& a, V3& b) {
+    const M3 r = matrix(read4(state + 3));
+    const V3 w = read3(state + NQ), o = read3(state);
+    a = back(r, w);
+    b = back(r, read3(state + NQ + 3) - cross(o, w));
+}
+
+// The vector part of a^-1 b, its real part, and the sign by which that is the shorter way.
+FN V3 turned_by(const double* a, const double* b, double& real_part, double& sign) {
+    double turn[4];
+    from_to(a + 3, b + 3, turn);
+    real_part = turn[3];
+    sign = turn[3] < 0 ? -1 : 1;
+    return v3(turn[0], turn[1], turn[2]);
+}
+
+FN void add3(double* to, V3 v) { to[0] += v.x; to[1] += v.y; to[2] += v.z; }
+FN void put3(double* to, V3 v) { to[0] = v.x; to[1] = v.y; to[2] = v.z; }
+
+// How state b lies from a, in the tangent space of a.
+FN void difference(const double* a, const double* b, double* out) {
+    for (int i = 0; i < NJ; i++) {
+        const double d = b[COORDS + i] - a[COORDS + i];
+        out[DOFS + i] = WRAPS[i] ? wrapped(d) : d;
+        out[NV + DOFS + i] = b[NQ + DOFS + i] - a[NQ + DOFS + i];
+    }
+    if (!DOFS) return;
+    double real_part, sign;
+    V3 a0, a1, b0, b1;
+    own_velocity(a, a0, a1);
+    own_velocity(b, b0, b1);
+    const V3 turn = turned_by(a, b, real_part, sign);
+    put3(out, turn * (2 * sign));
+    put3(out + 3, back(matrix(read4(a + 3)), read3(b) - read3(a)));
+    put3(out + NV, b0 - a0);
+    put3(out + NV + 3, b1 - a1);
+}
+
+// `weight p(e / unit)`, and its gradient.
+FN double bent(double e, double unit, double weight, double& slope) {
+    e /= unit;
+    const double length = sqrt(1 + e * e);
+    slope = weight * e / (length * unit);
+    return weight * (length - 1);
+}
+
+// The loss of the k-th frame, k from 1; its gradient goes to `slope`.
+FN double loss(const double* predicted, const double* truth, int k, double weight, double* slope) {
+    double error[2 * NV], total = 0;
+    difference(truth, predicted, error);
+    for (int i = 0; i < 2 * NV; i++) total += bent(error[i], UNIT[i] * 2 * SHARE * sqrt((double)k), weight * COUNTS[i], slope[i]);
+    if (DOFS) {
+        double real_part, sign;
+        const V3 turn = turned_by(truth, predicted, real_part, sign), g = read3(slope), way = read3(slope + 3);
+        put3(slope, g * (real_part * sign) + cross(g, turn) * sign);
+        put3(slope + 3, back(matrix(read4(predicted + 3)), matrix(read4(truth + 3)) * way));
+    }
+    return total;
+}
+
+FN double size_of(const double* slope) {
+    double sum = 0;
+    for (int i = 0; i < 2 * NV; i++) sum += slope[i] * UNIT[i] * slope[i] * UNIT[i];
+    return sqrt(sum);
+}
+
+// Adds upstream gradients of so many later frames to its own: at most as much as if each of them were as large as its own.
+FN void join(const double* behind, int later, double* slope) {
+    const double most = later * size_of(slope), all = size_of(behind);
+    const double share = all > most ? most / all : 1;
+    for (int i = 0; i < 2 * NV; i++) slope[i] += share * behind[i];
+}
+
+// Gradients by prediction and by the state before, from the upstream one by the state after; those by the state are added to `slope`.
+FN void apply_back(const double* state, const float* said, const double* behind, double* by_change, double* slope) {
+    double change[STATE];
+    for (int k = 0; k < STATE; k++) change[k] = (double)said[k] * STRETCH[k] + SHIFT[k];
+    for (int i = 0; i < NJ; i++) {
+        by_change[COORDS + i] = behind[DOFS + i];
+        by_change[NQ + DOFS + i] = behind[NV + DOFS + i];
+        slope[DOFS + i] += behind[DOFS + i];
+        slope[NV + DOFS + i] += behind[NV + DOFS + i];
+    }
+    if (!DOFS) return;
+    V3 a, b;
+    own_velocity(state, a, b);
+    const double *c = change + 3, length = sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2] + c[3] * c[3]);
+    const double q[4] = {c[0] / length, c[1] / length, c[2] / length, c[3] / length};
+    const M3 n = matrix(read4(q));
+    const V3 d = read3(change), spin = a + read3(change + NQ), speed = b + read3(change + NQ + 3) + cross(spin, d);
+    const V3 by_turn = read3(behind), by_x = n * read3(behind + 3), by_a = read3(behind + NV), by_b = read3(behind + NV + 3);
+    const V3 by_spin = n * by_a, by_speed = n * by_b, by_own = by_spin + cross(d, by_speed);
+    const V3 by_n = (by_turn + cross(by_a, back(n, spin)) + cross(by_b, back(n, speed))) * (2 / length), v = v3(q[0], q[1], q[2]);
+    put3(by_change, by_x + cross(by_speed, spin));
+    put3(by_change + 3, by_n * q[3] + cross(v, by_n));
+    by_change[6] = -dot(v, by_n);
+    put3(by_change + NQ, by_own);
+    put3(by_change + NQ + 3, by_speed);
+    add3(slope, n * by_turn + cross(d, by_x));
+    add3(slope + 3, by_x);
+    add3(slope + NV, by_own);
+    add3(slope + NV + 3, by_speed);
+}
+
+FN V3 three(const float* by, int k) { return v3(by[k] / SCALE[k], by[k + 1] / SCALE[k + 1], by[k + 2] / SCALE[k + 2]); }
+
+// Adds to `slope` what comes to the state through its token.
+BIG void tell_back(const double* state, const double* scene, const float* by, double* slope) {
+    for (int i = 0; i < NJ; i++) slope[DOFS + i] += by[COORDS + i] / SCALE[COORDS + i];
+    for (int i = 0; i < NV; i++) slope[NV + i] += by[NQ + i] / SCALE[NQ + i];
+    if (!SITUATED) return;
+    Work w;
+    Tree& t = w.tree;
+    Event events[NP + 1];
+    take(t, state);
+    t.shift = v3(0, 0, 0);
+    kinematics(t);
+    survey(w, scene);
+    look(w, events);
+    const M3 r = t.rotation[0];
+    const V3 o = t.position[0];
+    Wrench load[NL];
+    for (int i = 0; i < NL; i++) load[i] = wrench(v3(0, 0, 0), v3(0, 0, 0));
+    V3 turn = v3(0, 0, 0), shift = v3(0, 0, 0);
+    for (int p = 0; p < NP; p++) {
+        const Event& e = events[p];
+        if (!(e.distance < SEEN[p])) continue;
+        const V3 by_normal = three(by, STATE + 3 * p), by_place = three(by, STATE + 3 * NP + 3 * p);
+        const int depth = STATE + 6 * NP + p;
+        turn = turn + cross(by_normal, back(r, e.normal)) + cross(by_place, back(r, e.p1 - o));
+        shift = shift - by_place;
+        // The nearest place follows the point along the surface.
+        const V3 by_p1 = r * by_place, force = by_p1 + e.normal * (by[depth] / SCALE[depth] - dot(e.normal, by_p1));
+        const int link = POINT_LINK[p];
+        load[link] = load[link] + wrench(cross(LOCI && LOCUS[p] ? facing(t, p, e.normal, true) : e.p0, force), force);
+    }
+    const V3 g = v3(scene[0], scene[1], scene[2]);
+    const double length = norm(g);
+    turn = turn + cross(three(by, STATE + 7 * NP + NJ), back(r, g * (1 / (length > 0 ? length : 1))));
+    const V3 push = r * shift;
+    load[0] = load[0] + wrench(r * turn + cross(o, push), push);
+    for (int i = NL - 1; i >= 0; i--) {
+        if (DOFS && i == 0) {
+            add3(slope, back(r, load[0].ang - cross(o, load[0].lin)));
+            add3(slope + 3, back(r, load[0].lin));
+        } else {
+            slope[DOF[i]] += dot(t.axis[i], load[i]);
+            if (PARENT[i] >= 0) load[PARENT[i]] = load[PARENT[i]] + load[i];
+        }
+    }
+}
+
+// Whether a rollout is near enough to the truth to be carried on; not where a number is none.
+FN int near_to(const double* state, const double* truth) {
+    double error[2 * NV], sum = 0;
+    difference(truth, state, error);
+    for (int i = 0; i < NV; i++) sum += size(error[i]);
+    return sum <= ASTRAY * NV;
+}

@@ -1,0 +1,138 @@
+// Kernels of an update: states are `[H + 1][n][STATE]`, all else of a rollout `[n]`; gradients by states have 2 NV of STATE numbers.
+
+// As the host writes it; `frame` is where the update begins.
+struct Rollout { double motion, frame, anew, view[4]; };
+
+// Motions of so many frames: states `[motion][frames + 1][STATE]`, torques `[motion][frames][NJ]`, scenes.
+struct Motions { const double *truths, *torques, *scenes; int frames; };
+
+FN const double* truth(const Rollout& r, const Motions& m, int k) {
+    return m.truths + ((long long)r.motion * (m.frames + 1) + (long long)r.frame + k) * STATE;
+}
+FN const double* scene(const Rollout& r, const Motions& m) { return m.scenes + (long long)r.motion * SCENE; }
+
+// The token of a state in frame k.
+FN void token(const Rollout& r, const Motions& m, int k, const double* state, float* out) {
+    double base[STATE];
+    tell(state, m.torques + ((long long)r.motion * m.frames + (long long)r.frame + k) * NJ, scene(r, m), base, out);
+}
+
+// The state after a frame; what is no number stays none, so that it can be reported.
+FN void advance(const double* state, const float* said, double* after) {
+    double base[STATE];
+    for (int k = 0; k < STATE; k++) after[k] = base[k] = state[k];
+    if (apply(after, base, said)) for (int k = 0; k < STATE; k++) after[k] = infinite() - infinite();
+}
+
+// What stands before a state, from the gradients by its prediction's and its token's numbers.
+FN void frame_back(const Rollout& r, const Motions& m, const double* state, const float* said, const float* by_token, const double* behind, double* slope) {
+    double by_change[STATE];
+    for (int i = 0; i < 2 * NV; i++) slope[i] = 0;
+    apply_back(state, said, behind, by_change, slope);
+    tell_back(state, scene(r, m), by_token, slope);
+}
+
+FN void said_back(const double* state, const float* said, const double* behind, float* by_said) {
+    double by_change[STATE], none[2 * NV];
+    for (int i = 0; i < 2 * NV; i++) none[i] = 0;
+    apply_back(state, said, behind, by_change, none);
+    for (int k = 0; k < STATE; k++) by_said[k] = (float)(by_change[k] * STRETCH[k]);
+}
+
+#ifdef __CUDACC_RTC__
+#define KERNEL extern "C" __global__ void
+#define WORLD const Rollout* rollouts, const double* truths, const double* torques, const double* scenes, int frames
+#define EACH                                                                   \
+    const long long env = (long long)blockIdx.x * blockDim.x + threadIdx.x;    \
+    if (env >= ROLLOUTS) return;
+#define MOTIONS const Rollout& r = rollouts[env]; const Motions m = {truths, torques, scenes, frames};
+
+KERNEL unroll_truths(const double* states, double* truths, long long count) {
+    const long long i = (long long)blockIdx.x * blockDim.x + threadIdx.x;
+    if (i < count) for (int k = 0; k < STATE; k++) truths[i * STATE + k] = states[i * STATE + k];
+}
+
+// Where the last update ended, or on the truth.
+KERNEL unroll_begin(WORLD, double* states, int through) {
+    EACH MOTIONS
+    const double* from = r.anew != 0 ? truth(r, m, 0) : states + ((long long)through * ROLLOUTS + env) * STATE;
+    for (int k = 0; k < STATE; k++) states[env * STATE + k] = from[k];
+}
+
+KERNEL unroll_look(WORLD, const double* states, int k, float* tokens) {
+    EACH MOTIONS
+    token(r, m, k, states + ((long long)k * ROLLOUTS + env) * STATE, tokens + env * LDX);
+}
+
+KERNEL unroll_advance(WORLD, double* states, int k, const float* said) {
+    EACH
+    double* at = states + ((long long)k * ROLLOUTS + env) * STATE;
+    advance(at, said + env * STATE, at + (long long)ROLLOUTS * STATE);
+}
+
+// The gradient of frame k's loss joined by the upstream ones of so many later frames; then the frame is seen once more.
+KERNEL unroll_behind(WORLD, const double* states, int k, int later, double weight, double* behinds, double* losses, float* tokens, double*) {
+    EACH MOTIONS
+    const double* at = states + ((long long)k * ROLLOUTS + env) * STATE;
+    double slope[2 * NV], *behind = behinds + env * STATE;
+    const double total = loss(at + (long long)ROLLOUTS * STATE, truth(r, m, k + 1), k + 1, weight, slope);
+    losses[env] = (later ? losses[env] : 0) + total;
+    if (later) join(behind, later, slope);
+    for (int i = 0; i < 2 * NV; i++) behind[i] = slope[i];
+    token(r, m, k, at, tokens + env * LDX);
+}
+
+KERNEL unroll_said(const double* states, int k, const float* said, const double* behinds, float* by_said) {
+    EACH
+    said_back(states + ((long long)k * ROLLOUTS + env) * STATE, said + env * STATE, behinds + env * STATE, by_said + env * STATE);
+}
+
+KERNEL unroll_back(WORLD, const double* states, int k, const float* said, const double*, const float* by_tokens, double* behinds) {
+    EACH MOTIONS
+    double slope[2 * NV], *behind = behinds + env * STATE;
+    frame_back(r, m, states + ((long long)k * ROLLOUTS + env) * STATE, said + env * STATE, by_tokens + env * INPUTS, behind, slope);
+    for (int i = 0; i < 2 * NV; i++) behind[i] = slope[i];
+}
+
+KERNEL unroll_end(WORLD, const double* states, int through, int* nears) {
+    EACH MOTIONS
+    nears[env] = near_to(states + ((long long)through * ROLLOUTS + env) * STATE, truth(r, m, through));
+}
+#else
+#include <cstdio>
+#include <cstdlib>
+#include <vector>
+template <class T> std::vector<T> read_all(long long n) {
+    std::vector<T> all(n);
+    if (std::fread(all.data(), sizeof(T), n, stdin) != (size_t)n) std::exit(1);
+    return all;
+}
+template <class T> void write_all(const std::vector<T>& all) { std::fwrite(all.data(), sizeof(T), all.size(), stdout); }
+// From standard input n rollouts, motions and their frames, and which frame it is; rollouts, recorded states, torques, scenes; outputs,
+// and gradients by tokens and by later states. To standard output states after, tokens, by rollout the loss and whether it is near;
+// gradients of the loss joined by the upstream ones, by outputs, and by states before.
+int main() {
+    const auto head = read_all<int>(4);
+    const int n = head[0], motions = head[1], frames = head[2], k = head[3];
+    const auto rollouts = read_all<double>(7 * n), states = read_all<double>((long long)motions * (frames + 1) * STATE);
+    const auto torques = read_all<double>((long long)motions * frames * NJ), scenes = read_all<double>(motions * SCENE);
+    const auto said = read_all<float>(n * STATE), by_tokens = read_all<float>(n * INPUTS);
+    const auto behinds = read_all<double>(n * 2 * NV);
+    std::vector<double> after(n * STATE), out(2 * n), slopes(n * 2 * NV), fronts(n * 2 * NV);
+    std::vector<float> tokens(n * LDX), by_said(n * STATE);
+    const Motions m = {states.data(), torques.data(), scenes.data(), frames};
+    for (int i = 0; i < n; i++) {
+        const Rollout r = *(const Rollout*)(rollouts.data() + 7 * i);
+        const double* own = truth(r, m, k);
+        double *next = after.data() + i * STATE, *slope = slopes.data() + i * 2 * NV;
+        token(r, m, k, own, tokens.data() + i * LDX);
+        advance(own, said.data() + i * STATE, next);
+        out[2 * i] = loss(next, truth(r, m, k + 1), k + 1, 0.7, slope);
+        join(behinds.data() + i * 2 * NV, 1 + i, slope);
+        out[2 * i + 1] = near_to(next, truth(r, m, k + 1));
+        said_back(own, said.data() + i * STATE, slope, by_said.data() + i * STATE);
+        frame_back(r, m, own, said.data() + i * STATE, by_tokens.data() + i * INPUTS, slope, fronts.data() + i * 2 * NV);
+    }
+    write_all(after), write_all(tokens), write_all(out), write_all(slopes), write_all(by_said), write_all(fronts);
+}
+#endif
