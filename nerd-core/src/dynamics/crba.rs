@@ -2,7 +2,6 @@
 
 use super::{Data, inertias};
 use crate::robot::Robot;
-use crate::spatial::Motion;
 
 /// Mass matrix into `data.mass`, both triangles. Needs `kinematics`; fills `data.inertia`.
 ///
@@ -29,8 +28,8 @@ pub fn crba(robot: &Robot, data: &mut Data) {
             if robot.links[i].joint.is_some() {
                 add(data, row, data.dof[i], data.axis[i].dot(&momentum));
             } else {
-                for k in 0..6 {
-                    add(data, row, k, Motion::unit(k).dot(&momentum));
+                for (k, value) in momentum.vector().iter().enumerate() {
+                    add(data, row, k, *value);
                 }
             }
             ancestor = robot.links[i].parent;
@@ -40,12 +39,7 @@ pub fn crba(robot: &Robot, data: &mut Data) {
         }
     }
     if robot.floating() {
-        for k in 0..6 {
-            let momentum = data.composite[0].apply(&Motion::unit(k));
-            for l in 0..6 {
-                data.mass[(l, k)] = Motion::unit(l).dot(&momentum);
-            }
-        }
+        data.mass.fixed_view_mut::<6, 6>(0, 0).copy_from(&data.composite[0].matrix());
     }
 }
 

@@ -10,10 +10,12 @@ use crate::robot::Robot;
 /// at i and its ancestors, so a chain costs what dense Cholesky does and a star of legs far less.
 #[derive(Clone, Debug)]
 pub struct Factor {
-    /// Rows of L, its diagonal inverted: a product is a quarter of the time of a division.
-    rows: DMatrix<f64>,
+    /// Rows of L one after another, their diagonal inverted: a product is a quarter of the time of a division.
+    rows: Vec<f64>,
     /// DoF above each DoF, or `usize::MAX`.
     parent: Vec<usize>,
+    /// DoFs at the start each of which is above the next: their rows have no zeros, and are gone through without a look at `parent`.
+    trunk: usize,
     /// DoF at which the last matrix was found wanting.
     lost: usize,
 }
@@ -25,14 +27,16 @@ impl Factor {
     /// Room for the mass matrix of `robot`.
     pub fn new(robot: &Robot) -> Self {
         let (dofs, first, nv) = (robot.root_dofs(), usize::from(robot.floating()), robot.nv());
-        // Joints that follow others couple branches of the tree: then no entry is known to be zero.
-        if robot.mimics() {
-            return Self { rows: DMatrix::zeros(nv, nv), parent: (0..nv).map(|k| k.wrapping_sub(1)).collect(), lost: 0 };
-        }
-        let root = (0..dofs).map(|k| k.wrapping_sub(1));
         let above = |link: usize| if robot.links[link].joint.is_some() { dofs + link - first } else { dofs - 1 };
-        let joints = robot.links[first..].iter().map(|l| l.parent.map_or(usize::MAX, above));
-        Self { rows: DMatrix::zeros(nv, nv), parent: root.chain(joints).collect(), lost: 0 }
+        let parent: Vec<usize> = if robot.mimics() {
+            // Joints that follow others couple branches of the tree: then no entry is known to be zero.
+            (0..nv).map(|k| k.wrapping_sub(1)).collect()
+        } else {
+            let root = (0..dofs).map(|k| k.wrapping_sub(1));
+            root.chain(robot.links[first..].iter().map(|l| l.parent.map_or(usize::MAX, above))).collect()
+        };
+        let trunk = parent.iter().enumerate().take_while(|(k, p)| k.wrapping_sub(1) == **p).count();
+        Self { rows: vec![0.0; nv * nv], parent, trunk, lost: 0 }
     }
 
     /// The DoF above each DoF, whose columns its row may fill; none above a root.
@@ -43,28 +47,39 @@ impl Factor {
     /// Factorises `mass` (its lower triangle is read). `false` if it is not positive definite; then do not solve.
     #[must_use]
     pub fn refill(&mut self, mass: &DMatrix<f64>) -> bool {
-        self.rows.copy_from(mass);
-        let (l, parent) = (&mut self.rows, &self.parent);
-        for k in (0..parent.len()).rev() {
-            let square = l[(k, k)];
-            if square.is_nan() || square <= ROUNDING * mass[(k, k)] {
+        let (n, parent, trunk) = (self.parent.len(), &self.parent, self.trunk);
+        for (k, row) in self.rows.chunks_exact_mut(n.max(1)).enumerate() {
+            let mut i = k;
+            while i != usize::MAX {
+                row[i] = mass[(k, i)];
+                i = parent[i];
+            }
+        }
+        for k in (0..n).rev() {
+            let (above, row) = self.rows.split_at_mut(k * n);
+            let row = &mut row[..n];
+            if row[k].is_nan() || row[k] <= ROUNDING * mass[(k, k)] {
                 self.lost = k;
                 return false;
             }
-            let inverse = square.sqrt().recip();
-            l[(k, k)] = inverse;
+            row[k] = row[k].sqrt().recip();
+            let inverse = row[k];
             let mut i = parent[k];
             while i != usize::MAX {
-                l[(k, i)] *= inverse;
+                row[i] *= inverse;
                 i = parent[i];
             }
             let mut i = parent[k];
             while i != usize::MAX {
+                let (target, by) = (&mut above[i * n..][..n], row[i]);
                 let mut j = i;
-                while j != usize::MAX {
-                    l[(i, j)] -= l[(k, i)] * l[(k, j)];
+                while j != usize::MAX && j >= trunk {
+                    target[j] -= by * row[j];
                     j = parent[j];
                 }
+                // None is left after a root: then the end is 0.
+                let end = j.wrapping_add(1);
+                target[..end].iter_mut().zip(&row[..end]).for_each(|(t, r)| *t -= by * r);
                 i = parent[i];
             }
         }
@@ -86,22 +101,23 @@ impl Factor {
     /// Replaces `x` by `M^-1 x`: `L^T y = x`, then `L z = y`.
     #[inline]
     pub fn solve(&self, x: &mut [f64]) {
-        let (l, parent) = (&self.rows, &self.parent);
-        for i in (0..x.len()).rev() {
-            x[i] *= l[(i, i)];
+        let (n, parent) = (self.parent.len(), &self.parent);
+        for (i, row) in self.rows.chunks_exact(n.max(1)).enumerate().rev() {
+            x[i] *= row[i];
+            let by = x[i];
             let mut j = parent[i];
             while j != usize::MAX {
-                x[j] -= l[(i, j)] * x[i];
+                x[j] -= row[j] * by;
                 j = parent[j];
             }
         }
-        for i in 0..x.len() {
-            let mut j = parent[i];
+        for (i, row) in self.rows.chunks_exact(n.max(1)).enumerate() {
+            let (mut sum, mut j) = (x[i], parent[i]);
             while j != usize::MAX {
-                x[i] -= l[(i, j)] * x[j];
+                sum -= row[j] * x[j];
                 j = parent[j];
             }
-            x[i] *= l[(i, i)];
+            x[i] = sum * row[i];
         }
     }
 }

@@ -51,7 +51,7 @@ impl Workspace {
             tree.damp(shares);
         } else {
             shares.enumerate().for_each(|(i, share)| self.data.mass[(dofs + i, dofs + i)] += share);
-            mass.copy_from(&self.data.mass);
+            mass.as_mut_slice().copy_from_slice(self.data.mass.as_slice());
         }
         let mut turn = Vector3::zeros();
         let (mut stale, mut correct, mut corrected, mut quiet, mut found) = (true, first, false, false, true);
@@ -112,7 +112,7 @@ impl Workspace {
         let Touches { touches, columns, mass, right, tree, eventful, .. } = &mut self.touches;
         match tree {
             Some(tree) => tree.clear(),
-            None => self.data.mass.copy_from(mass),
+            None => self.data.mass.as_mut_slice().copy_from_slice(mass.as_slice()),
         }
         self.data.qdd.as_mut_slice().copy_from_slice(right);
         let dofs = robot.root_dofs();
@@ -178,7 +178,7 @@ impl Workspace {
     }
 }
 
-/// Adds a contact's force to `data.qdd`, and what it resists to `data.mass`.
+/// Adds a contact's force to `data.qdd`, and what it resists to the lower triangle of `data.mass`.
 #[inline]
 fn press(data: &mut Data, contact: &Contact, columns: &[(usize, Vector3<f64>)], h: f64) {
     let (n, (force, along, across)) = (&contact.normal, contact.push(h));
@@ -186,7 +186,7 @@ fn press(data: &mut Data, contact: &Contact, columns: &[(usize, Vector3<f64>)], 
         data.qdd[*i] += a.dot(&force);
         // h D a
         let d = (n * ((along - across) * n.dot(a)) + a * across) * h;
-        for (j, b) in columns {
+        for (j, b) in columns.iter().filter(|(j, _)| j <= i) {
             data.mass[(*i, *j)] += b.dot(&d);
         }
     }
