@@ -41,47 +41,46 @@ pub fn velocities(robot: &Robot, qd: &[f64], data: &mut Data) {
 #[inline]
 fn sweep<const ACCELERATED: bool>(robot: &Robot, qd: &[f64], qdd: &[f64], gravity: &Vector3<f64>, data: &mut Data) {
     let base = Motion::new(Vector3::zeros(), -gravity);
-    for (i, link) in robot.links.iter().enumerate() {
-        if link.joint.is_none() {
-            data.velocity[i] = Motion::from_slice(qd);
-            data.acceleration[i] = base;
-            if ACCELERATED {
-                data.acceleration[i] += Motion::from_slice(qdd);
-            }
+    let (links, n) = (&robot.links[..], robot.links.len());
+    // As long as the links, so that an index within them is within these.
+    let (dof, axis, rotation, position) = (&data.dof[..n], &data.axis[..n], &data.rotation[..n], &data.position[..n]);
+    let (external, force) = (&data.external[..n], &mut data.force[..n]);
+    let (velocity, acceleration) = (&mut data.velocity[..n], &mut data.acceleration[..n]);
+    for i in 0..n {
+        let link = &links[i];
+        let (v, a) = if link.joint.is_none() {
+            (Motion::from_slice(qd), if ACCELERATED { base + Motion::from_slice(qdd) } else { base })
         } else {
-            let (mut v, mut a) = link.parent.map_or((Motion::default(), base), |p| (data.velocity[p], data.acceleration[p]));
-            let k = data.dof[i];
-            let rate = data.axis[i] * qd[k];
-            v += rate;
-            a += v.cross(&rate);
-            if ACCELERATED {
-                a += data.axis[i] * qdd[k];
-            }
-            (data.velocity[i], data.acceleration[i]) = (v, a);
-        }
-        let (v, a, r, body) = (&data.velocity[i], &data.acceleration[i], &data.rotation[i], &link.inertia);
-        let c = data.position[i] + r * body.com;
+            let (v, a) = link.parent.map_or((Motion::default(), base), |p| (velocity[p], acceleration[p]));
+            let rate = axis[i] * qd[dof[i]];
+            let v = v + rate;
+            let a = a + v.cross(&rate);
+            (v, if ACCELERATED { a + axis[i] * qdd[dof[i]] } else { a })
+        };
+        (velocity[i], acceleration[i]) = (v, a);
+        let (r, body) = (&rotation[i], &link.inertia);
+        let c = position[i] + r * body.com;
         let f = (a.at(&c) + v.ang.cross(&v.at(&c))) * body.mass;
         let (w, w_dot) = (r.tr_mul(&v.ang), r.tr_mul(&a.ang));
         let n = r * (body.inertia * w_dot + w.cross(&(body.inertia * w))) + c.cross(&f);
-        data.force[i] = Wrench::new(n, f) - data.external[i];
+        force[i] = Wrench::new(n, f) - external[i];
     }
     // Joints that follow one add to its torque.
     data.tau.fill(0.0);
-    for (i, link) in robot.links.iter().enumerate().rev() {
-        let f = data.force[i];
-        if link.joint.is_none() {
-            data.tau.as_mut_slice()[..3].copy_from_slice(f.ang.as_slice());
-            data.tau.as_mut_slice()[3..6].copy_from_slice(f.lin.as_slice());
-        } else {
-            let k = data.dof[i];
-            data.tau[k] += data.axis[i].dot(&f);
-            if ACCELERATED && let Some(joint) = &link.joint {
-                data.tau[k] += joint.ratio().powi(2) * joint.armature * qdd[k];
+    let tau = data.tau.as_mut_slice();
+    for i in (0..n).rev() {
+        let (link, f) = (&links[i], force[i]);
+        match &link.joint {
+            None => tau[..6].copy_from_slice(f.vector().as_slice()),
+            Some(joint) => {
+                tau[dof[i]] += axis[i].dot(&f);
+                if ACCELERATED {
+                    tau[dof[i]] += joint.ratio().powi(2) * joint.armature * qdd[dof[i]];
+                }
             }
         }
         if let Some(p) = link.parent {
-            data.force[p] += f;
+            force[p] += f;
         }
     }
 }

@@ -32,8 +32,6 @@ pub(super) struct Tree {
     /// What resists beside the inertias of links, and beside those of joints.
     links: Vec<Matrix6<f64>>,
     joints: Vec<f64>,
-    /// Shares of the joints' own dampers, which are there in every pass.
-    dampers: Vec<f64>,
     press: Vec<Wrench>,
 }
 
@@ -46,7 +44,6 @@ impl Tree {
             factor,
             links: vec![Matrix6::zeros(); links],
             joints: vec![0.0; joints],
-            dampers: vec![0.0; joints],
             press: vec![Wrench::default(); links],
         })
     }
@@ -76,15 +73,10 @@ impl Tree {
         normal.dot(&self.factor.eased(*link, &Wrench::force_at(*normal, x)).at(x))
     }
 
-    /// The joints' own dampers, `share h d` each.
-    pub(super) fn damp(&mut self, dampers: impl Iterator<Item = f64>) {
-        self.dampers.iter_mut().zip(dampers).for_each(|(own, d)| *own = d);
-    }
-
-    /// Begins a pass.
-    pub(super) fn clear(&mut self) {
+    /// Begins a pass, in which joints resist with so much by themselves.
+    pub(super) fn clear(&mut self, shares: &[f64]) {
         self.links.fill(Matrix6::zeros());
-        self.joints.copy_from_slice(&self.dampers);
+        self.joints.copy_from_slice(shares);
         self.press.fill(Wrench::default());
     }
 

@@ -18,9 +18,6 @@ impl Workspace {
         touches.clear();
         columns.clear();
         let (data, dofs) = (&self.data, robot.root_dofs());
-        for ((pull, joint), x) in pull.iter_mut().zip(robot.joints()).zip(&q[robot.root_coords()..]) {
-            *pull = joint.stiffness * (joint.rest - x);
-        }
         for (owner, event) in self.owners.iter().zip(&self.events) {
             let (point, n) = (&robot.contact_points[*owner], event.normal);
             let rotation = &data.rotation[point.link];
@@ -84,8 +81,9 @@ impl Workspace {
             touches.push(Touch::Drive { spring, bounds: drive.bounds(modelled, v), held: None });
         }
         for (joint, modelled) in robot.joints().enumerate() {
-            let Some(limit) = modelled.limit.filter(|l| l.stiffness > 0.0 || l.damping > 0.0) else { continue };
             let x = q[robot.root_coords() + joint];
+            pull[joint] = modelled.stiffness * (modelled.rest - x);
+            let Some(limit) = modelled.limit.filter(|l| l.stiffness > 0.0 || l.damping > 0.0) else { continue };
             for (end, side) in [(limit.lower, 1.0), (limit.upper, -1.0)] {
                 let rate = side * qd[dofs + joint];
                 let Some((part, gap)) = inside(side * (x - end), 0.5 * h * rate) else { continue };

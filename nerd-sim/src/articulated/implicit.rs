@@ -120,21 +120,21 @@ impl Workspace {
         Ok(())
     }
 
-    /// Dampings of the joints, and shares of their dampers and springs.
+    /// Dampings of the joints, and what they and their springs resist with.
     fn damp(&mut self, robot: &Robot, h: f64) -> Result<(), String> {
         self.touches.shared = h;
         let mut factored = false;
         for (i, joint) in robot.joints().enumerate() {
-            (self.touches.braked[i], self.touches.dampers[i], self.touches.springs[i]) = (joint.damping, 0.5, EVEN);
-            if h * joint.damping.max(h * joint.stiffness) <= self.stiff.bounds.least[i] {
-                continue;
+            let (mut braked, mut damper, mut spring) = (joint.damping, 0.5, EVEN);
+            if h * joint.damping.max(h * joint.stiffness) > self.stiff.bounds.least[i] {
+                self.plain(robot, &mut factored)?;
+                let w = self.ease(robot, i);
+                let z = h * h * joint.stiffness * w;
+                braked = joint.damping.max(h * joint.stiffness * z.min(CALM));
+                (damper, spring) = (exponential(h * braked * w), ahead(z));
             }
-            self.plain(robot, &mut factored)?;
-            let w = self.ease(robot, i);
-            let z = h * h * joint.stiffness * w;
-            self.touches.braked[i] = joint.damping.max(h * joint.stiffness * z.min(CALM));
-            self.touches.dampers[i] = exponential(h * self.touches.braked[i] * w);
-            self.touches.springs[i] = ahead(z);
+            self.touches.braked[i] = braked;
+            self.touches.shares[i] = damper * h * braked + spring * h * h * joint.stiffness;
         }
         Ok(())
     }

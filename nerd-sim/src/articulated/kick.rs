@@ -44,18 +44,16 @@ impl Workspace {
         let Substep { system, scene, config, tau, h, settled, .. } = *own;
         let robot = &system.robot;
         let dofs = robot.root_dofs();
-        let Touches { braked, dampers, springs, mass, tree, .. } = &mut self.touches;
-        let shares = robot.joints().zip(braked).zip(dampers).zip(springs);
-        let shares = shares.map(|(((joint, d), damper), spring)| *damper * h * *d + *spring * h * h * joint.stiffness);
-        if let Some(tree) = tree {
-            tree.damp(shares);
-        } else {
-            shares.enumerate().for_each(|(i, share)| self.data.mass[(dofs + i, dofs + i)] += share);
-            mass.as_mut_slice().copy_from_slice(self.data.mass.as_slice());
+        let Touches { touches, shares, mass, tree, .. } = &mut self.touches;
+        if tree.is_none() {
+            shares.iter().enumerate().for_each(|(i, share)| self.data.mass[(dofs + i, dofs + i)] += share);
+            if !touches.is_empty() {
+                mass.as_mut_slice().copy_from_slice(self.data.mass.as_slice());
+            }
         }
         let mut turn = Vector3::zeros();
         let (mut stale, mut correct, mut corrected, mut quiet, mut found) = (true, first, false, false, true);
-        for _ in 0..PASSES {
+        for pass in 0..PASSES {
             let Touches { touches, middle, rate, right, pull, braked, .. } = &mut self.touches;
             if stale {
                 middle.iter_mut().zip(qd.iter().zip(rate.iter())).for_each(|(m, (v, a))| *m = v + 0.5 * h * a);
@@ -75,7 +73,7 @@ impl Workspace {
                     *right += tau[i] + pull[i] - braked[i] * qd[dofs + i];
                 }
             }
-            let changed = self.solve(robot, h, settled, config.friction)?;
+            let changed = self.solve(robot, h, settled, config.friction, pass > 0)?;
             // The rate that an unbounded drive would give says nothing of the middle.
             let wait = changed && !self.drives.is_empty();
             let Touches { middle, rate, tree, .. } = &mut self.touches;
@@ -107,12 +105,14 @@ impl Workspace {
     }
 
     /// Accelerations with the touches that have not parted. Then each one's drag is that of its force and slip at the
-    /// end, and a point that would pull has parted; whether that changes anything.
-    fn solve(&mut self, robot: &Robot, h: f64, settled: f64, friction: Friction) -> Result<bool, String> {
-        let Touches { touches, columns, mass, right, tree, eventful, .. } = &mut self.touches;
+    /// end, and a point that would pull has parted; whether that changes anything. `again`: not for the first time in the substep, whose
+    /// matrix without touches is then the factor's.
+    fn solve(&mut self, robot: &Robot, h: f64, settled: f64, friction: Friction, again: bool) -> Result<bool, String> {
+        let Touches { touches, columns, shares, mass, right, tree, eventful, .. } = &mut self.touches;
         match tree {
-            Some(tree) => tree.clear(),
-            None => self.data.mass.as_mut_slice().copy_from_slice(mass.as_slice()),
+            Some(tree) => tree.clear(shares),
+            None if again && !touches.is_empty() => self.data.mass.as_mut_slice().copy_from_slice(mass.as_slice()),
+            None => {}
         }
         self.data.qdd.as_mut_slice().copy_from_slice(right);
         let dofs = robot.root_dofs();
@@ -143,7 +143,7 @@ impl Workspace {
         let mut qdd = std::mem::replace(&mut self.data.qdd, DVector::zeros(0));
         let (sound, lost) = match tree {
             Some(tree) => (tree.solve(robot, &self.data, qdd.as_mut_slice()), Some(tree.lost())),
-            None => (self.factor.refill(&self.data.mass), None),
+            None => (again && touches.is_empty() || self.factor.refill(&self.data.mass), None),
         };
         self.data.qdd = qdd;
         if !sound {

@@ -16,11 +16,11 @@ pub(super) struct Touches {
     pub(super) weights: Vec<Option<f64>>,
     /// Damping of each joint: its own, or what its spring asks for where the substep is too long to follow it.
     pub(super) braked: Vec<f64>,
-    /// Shares a of the joints' own dampers and springs, and the springs' torques in the middle of the substep.
-    pub(super) dampers: Vec<f64>,
+    /// What the joints' own dampers and springs resist with, their shares of `h d` and `h^2 k`.
+    pub(super) shares: Vec<f64>,
     /// The substep for which they were found (s); 0: for none.
     pub(super) shared: f64,
-    pub(super) springs: Vec<f64>,
+    /// The springs' torques in the middle of the substep.
     pub(super) pull: Vec<f64>,
     /// Whether contacts and limits take the means over a substep, whatever its length: they ring, and give no energy.
     pub(super) even: bool,
@@ -48,9 +48,8 @@ impl Touches {
             columns: Vec::with_capacity(points * nv),
             weights: vec![None; points + 2 * joints],
             braked: vec![0.0; joints],
-            dampers: vec![0.5; joints],
+            shares: vec![0.0; joints],
             shared: 0.0,
-            springs: vec![0.0; joints],
             pull: vec![0.0; joints],
             even: false,
             eventful: false,
