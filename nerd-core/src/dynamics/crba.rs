@@ -10,7 +10,7 @@ use crate::robot::Robot;
 /// `G^T M G` with `G` the matrix that makes all joints' rates of the coordinates'.
 pub fn crba(robot: &Robot, data: &mut Data) {
     let first = usize::from(robot.floating());
-    data.mass.fill(0.0);
+    data.mass.as_mut_slice().fill(0.0);
     inertias(robot, data);
     data.composite.copy_from_slice(&data.inertia);
     for (link, other) in data.stand_ins.iter().enumerate() {

@@ -48,8 +48,8 @@ impl Factor {
     #[must_use]
     pub fn refill(&mut self, mass: &DMatrix<f64>) -> bool {
         let (n, parent, trunk) = (self.parent.len(), &self.parent, self.trunk);
-        for (k, row) in self.rows.chunks_exact_mut(n.max(1)).enumerate() {
-            let mut i = k;
+        for k in 0..n {
+            let (row, mut i) = (&mut self.rows[k * n..][..n], k);
             while i != usize::MAX {
                 row[i] = mass[(k, i)];
                 i = parent[i];
@@ -102,16 +102,18 @@ impl Factor {
     #[inline]
     pub fn solve(&self, x: &mut [f64]) {
         let (n, parent) = (self.parent.len(), &self.parent);
-        for (i, row) in self.rows.chunks_exact(n.max(1)).enumerate().rev() {
+        let x = &mut x[..n];
+        for i in (0..n).rev() {
+            let (row, mut j) = (&self.rows[i * n..][..n], parent[i]);
             x[i] *= row[i];
             let by = x[i];
-            let mut j = parent[i];
             while j != usize::MAX {
                 x[j] -= row[j] * by;
                 j = parent[j];
             }
         }
-        for (i, row) in self.rows.chunks_exact(n.max(1)).enumerate() {
+        for i in 0..n {
+            let row = &self.rows[i * n..][..n];
             let (mut sum, mut j) = (x[i], parent[i]);
             while j != usize::MAX {
                 sum -= row[j] * x[j];

@@ -66,8 +66,8 @@ fn sweep<const ACCELERATED: bool>(robot: &Robot, qd: &[f64], qdd: &[f64], gravit
         force[i] = Wrench::new(n, f) - external[i];
     }
     // Joints that follow one add to its torque.
-    data.tau.fill(0.0);
     let tau = data.tau.as_mut_slice();
+    tau.fill(0.0);
     for i in (0..n).rev() {
         let (link, f) = (&links[i], force[i]);
         match &link.joint {

@@ -1,4 +1,4 @@
-//! No frame gives energy: one that does is stepped anew with twice the substeps.
+//! No frame gives energy: one that does is stepped anew with twice the substeps, or as many as its error asks for at least.
 //!
 //! What a substep is too long for shows in the energy: a light link that whirls, a point that parts, a limit hit hard, a drag that has not
 //! settled. With the kinetic energy K of links and rotors, the energy S in the springs of contacts, limits and joints, that of the links in
@@ -46,8 +46,9 @@ pub(super) struct Energy {
 }
 
 impl Workspace {
-    /// Whether a frame from `start` to `state` gave no energy.
-    pub(super) fn sound(&mut self, system: &System, scene: &Scene, state: &[f64], tau: &[f64]) -> Result<bool, String> {
+    /// Times as many substeps that a frame from `start` to `state` in so many of them needs to give no energy: 1, or the power of 2 that is
+    /// needed at least, since the step's error falls with their square at most.
+    pub(super) fn refine(&mut self, system: &System, scene: &Scene, state: &[f64], tau: &[f64], substeps: usize) -> Result<usize, String> {
         let start = std::mem::take(&mut self.start);
         let before = self.energy(system, scene, &start);
         let after = self.energy(system, scene, state);
@@ -61,7 +62,13 @@ impl Workspace {
         let (before, after) = (before?, after?);
         let gain = after.lively - before.lively + (after.high - before.high) - work;
         let fallen = 0.5 * system.robot.mass() * (scene.gravity.norm() * system.frame_time).powi(2);
-        Ok(gain <= SHARE * before.lively.max(after.lively) + LABOUR * effort + FALL * fallen)
+        let (mut most, mut times) = (SHARE * before.lively.max(after.lively) + LABOUR * effort + FALL * fallen, 1);
+        // What is no number is too much.
+        let within = |most: f64| gain <= most;
+        while !within(most) && times * substeps < FINEST {
+            (most, times) = (4.0 * most, 2 * times);
+        }
+        Ok(times)
     }
 
     fn energy(&mut self, system: &System, scene: &Scene, state: &[f64]) -> Result<Energy, String> {
@@ -87,7 +94,8 @@ impl Workspace {
             for (owner, event) in self.owners.iter().zip(&self.events) {
                 let point = &robot.contact_points[*owner];
                 // Of a plane the event tells the normal alone, not where on its link the point lies.
-                let gap = (event.normal.dot(&(place(point, data, &event.normal) - event.p1)) - point.radius).min(0.0);
+                let roams = || event.normal.dot(&(place(point, data, &event.normal) - event.p1));
+                let gap = (if point.locus.is_fixed() { event.distance } else { roams() } - point.radius).min(0.0);
                 energy.lively += 0.5 * self.materials[event.collider].stiffness * gap * gap;
             }
         }

@@ -62,11 +62,19 @@ impl Frame for Workspace {
             self.touches.even = finer != *config;
             let done = self.attempt(system, scene, &finer, contact, state, tau);
             eventful |= self.touches.eventful;
-            let last = !watched || finer.substeps.max(finer.contact_substeps) >= FINEST;
-            if last || done.is_ok() && (!eventful || self.sound(system, scene, state, tau)?) {
+            let substeps = finer.substeps.max(finer.contact_substeps);
+            if !watched || substeps >= FINEST {
                 return done;
             }
-            (finer.substeps, finer.contact_substeps) = (2 * finer.substeps, 2 * finer.contact_substeps);
+            let times = match done {
+                Ok(()) if eventful => self.refine(system, scene, state, tau, substeps)?,
+                Ok(()) => 1,
+                Err(_) => 2,
+            };
+            if times == 1 {
+                return done;
+            }
+            (finer.substeps, finer.contact_substeps) = (times * finer.substeps, times * finer.contact_substeps);
             state.copy_from_slice(&self.start);
         }
     }

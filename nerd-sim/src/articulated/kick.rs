@@ -68,7 +68,7 @@ impl Workspace {
                         contact.bend(&robot.contact_points[contact.point], &self.data, &free, &turn, h);
                     }
                 }
-                right.iter_mut().zip(self.data.tau.iter()).for_each(|(r, t)| *r = -t);
+                right.iter_mut().zip(self.data.tau.as_slice()).for_each(|(r, t)| *r = -t);
                 for (i, right) in right[dofs..].iter_mut().enumerate() {
                     *right += tau[i] + pull[i] - braked[i] * qd[dofs + i];
                 }
@@ -140,16 +140,17 @@ impl Workspace {
                 None => self.data.mass[(k, k)] += resists * h,
             }
         }
-        let mut qdd = std::mem::replace(&mut self.data.qdd, DVector::zeros(0));
-        let (sound, lost) = match tree {
-            Some(tree) => (tree.solve(robot, &self.data, qdd.as_mut_slice()), Some(tree.lost())),
-            None => (again && touches.is_empty() || self.factor.refill(&self.data.mass), None),
-        };
-        self.data.qdd = qdd;
-        if !sound {
-            return Err(self.factor.fault_at(robot, lost));
-        }
-        if tree.is_none() {
+        if let Some(tree) = tree {
+            let mut qdd = std::mem::replace(&mut self.data.qdd, DVector::zeros(0));
+            let sound = tree.solve(robot, &self.data, qdd.as_mut_slice());
+            self.data.qdd = qdd;
+            if !sound {
+                return Err(self.factor.fault_at(robot, Some(tree.lost())));
+            }
+        } else {
+            if !(again && touches.is_empty() || self.factor.refill(&self.data.mass)) {
+                return Err(self.factor.fault(robot));
+            }
             self.factor.solve(self.data.qdd.as_mut_slice());
         }
         let mut changed = false;

@@ -55,8 +55,8 @@ BIG int attempt(Work& w, const double* state, const double* tau, const double* s
     return implicit(w, scene, tau, drives, forces, (SUBSTEPS > CONTACT_SUBSTEPS ? SUBSTEPS : CONTACT_SUBSTEPS) * finer);
 }
 
-// Whether the frame from `state` to where the tree is gave no energy.
-BIG bool sound(Work& w, const double* state, const double* tau, const double* scene) {
+// Times as many substeps that the frame from `state` to where the tree is, in so many of them, needs to give no energy.
+BIG int refine(Work& w, const double* state, const double* tau, const double* scene, int substeps) {
     Tree& t = w.tree;
     double q[NQ], work = w.work, effort = w.effort, mass = 0;
     real qd[NV];
@@ -76,18 +76,24 @@ BIG bool sound(Work& w, const double* state, const double* tau, const double* sc
     const double fallen = 0.5 * mass * FRAME * FRAME * dot(w.gravity, w.gravity);
     const double gain = after.lively - before.lively + (after.high - before.high) - work;
     const double lively = before.lively > after.lively ? before.lively : after.lively;
-    return gain <= SHARE * lively + LABOUR * effort + FALL * fallen;
+    double allowed = SHARE * lively + LABOUR * effort + FALL * fallen;
+    int times = 1;
+    for (; !(gain <= allowed) && times * substeps < FINEST; times *= 2) allowed *= 4;
+    return times;
 }
 
 // Moves the tree from `state`, which it has been given; 0, or why not: 1 + the DoF at which the mass matrix is none, LOST. A frame that gives
-// energy is stepped anew with twice the substeps.
+// energy is stepped anew with more substeps.
 BIG int moved(Work& w, const double* state, const double* tau, const double* scene, const double* drives, double* forces) {
     bool eventful = false;
-    for (int finer = 1;; finer *= 2) {
+    for (int finer = 1;;) {
         const int done = attempt(w, state, tau, scene, drives, forces, finer);
-        if (!WATCHED || (SUBSTEPS > CONTACT_SUBSTEPS ? SUBSTEPS : CONTACT_SUBSTEPS) * finer >= FINEST) return done;
+        const int substeps = (SUBSTEPS > CONTACT_SUBSTEPS ? SUBSTEPS : CONTACT_SUBSTEPS) * finer;
+        if (!WATCHED || substeps >= FINEST) return done;
         eventful = eventful || w.eventful;
-        if (!done && (!eventful || sound(w, state, tau, scene))) return 0;
+        const int times = done ? 2 : eventful ? refine(w, state, tau, scene, substeps) : 1;
+        if (times == 1) return 0;
+        finer *= times;
         take(w.tree, state);
     }
 }
