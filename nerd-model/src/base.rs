@@ -23,6 +23,8 @@ pub enum Base {
     /// The state before the frame: the paper's form.
     #[default]
     State,
+    /// The state; positions count from where the mean of the velocities before and after would go ([`crate::trapezoid`]).
+    Trapezoid,
     /// The state after a frame of flight at the reference simulator's settings: the residual form.
     Flight,
     /// The state after a frame of flight by Runge-Kutta: the residual form for every other truth.
@@ -58,7 +60,7 @@ impl Base {
     /// The flight that predictions are added to, if any.
     pub fn flight(self, system: &Arc<System>) -> Option<Flight> {
         let config = match self {
-            Self::State | Self::Nothing | Self::Draft(_) => return None,
+            Self::State | Self::Trapezoid | Self::Nothing | Self::Draft(_) => return None,
             Self::Flight => ArticulatedConfig::paper(system, Friction::Coulomb),
             Self::ExactFlight => ArticulatedConfig::converged(Friction::Coulomb),
         };

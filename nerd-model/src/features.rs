@@ -23,6 +23,7 @@ use nerd_sim::system::System;
 
 use crate::base::Base;
 use crate::form::{Form, View};
+use crate::trapezoid;
 
 /// Turns states into tokens and predictions into states, for one system.
 #[derive(Clone)]
@@ -166,19 +167,21 @@ impl Features {
         let frame = self.place(state);
         self.ground(&frame, base);
         frame.state_in(robot, next, &mut self.far);
-        for (o, (a, b)) in out.iter_mut().zip(self.near.iter().zip(&self.far)) {
-            *o = (b - a) as f32;
-        }
+        let mut change: Vec<f64> = self.near.iter().zip(&self.far).map(|(a, b)| b - a).collect();
         for (i, _) in robot.joints().enumerate().filter(|(_, joint)| joint.wraps()) {
             let k = robot.root_coords() + i;
             // Angles without a seam: the token's, wrapped, and the turn since.
             let from = if self.form.base == Base::Nothing { wrap(state[k]) } else { 0.0 };
-            out[k] = (from + wrap(next[k] - base[k])) as f32;
+            change[k] = from + wrap(next[k] - base[k]);
         }
         if robot.floating() {
             let turn = quaternion(&self.far[3..7]) * quaternion(&self.near[3..7]).inverse();
-            cast(turn.coords.as_slice(), &mut out[3..7]);
+            change[3..7].copy_from_slice(turn.coords.as_slice());
         }
+        if self.form.base == Base::Trapezoid {
+            trapezoid::remove(robot, system.frame_time, state, &mut change);
+        }
+        cast(&change, out);
     }
 
     /// Writes the state that lies `change` (as in [`Self::target`]) from `base`.
@@ -187,7 +190,11 @@ impl Features {
         let robot = &system.robot;
         let frame = self.place(state);
         self.ground(&frame, base);
-        self.far.iter_mut().zip(self.near.iter().zip(change)).for_each(|(f, (n, c))| *f = n + c);
+        let mut change = change.to_vec();
+        if self.form.base == Base::Trapezoid {
+            trapezoid::add(robot, system.frame_time, state, &mut change);
+        }
+        self.far.iter_mut().zip(self.near.iter().zip(&change)).for_each(|(f, (n, c))| *f = n + c);
         if robot.floating() {
             let turned = quaternion(&change[3..7]) * quaternion(&self.near[3..7]);
             write_quaternion(&mut self.far[3..7], &turned);

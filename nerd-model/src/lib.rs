@@ -13,6 +13,7 @@ pub mod pick;
 pub mod program;
 pub mod slopes;
 pub mod transformer;
+pub mod trapezoid;
 
 /// Where burn computes: `BurnDevice::flex()`, the CPU.
 #[cfg(feature = "burn")]

@@ -17,7 +17,7 @@ use nerd_sim::scene::{Collider, Plane};
 fn forms() -> impl Iterator<Item = Form> {
     let views = [View::Own, View::World, View::Blind];
     let plain = [Base::State, Base::Nothing].into_iter().flat_map(move |base| views.map(|view| Form { base, view }));
-    plain.chain([Base::Flight.into(), Base::Draft(1).into()])
+    plain.chain([Base::Trapezoid.into(), Base::Flight.into(), Base::Draft(1).into()])
 }
 
 fn system(robot: &str) -> Arc<System> {

@@ -8,6 +8,7 @@ use nerd_core::state::{quaternion, vector, write_quaternion};
 use nerd_model::base::Base;
 use nerd_model::features::Features;
 use nerd_model::slopes::{Seen, apply_back, own_velocity, token_back};
+use nerd_model::trapezoid;
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
 use nerd_sim::scene::contacts;
@@ -114,9 +115,9 @@ fn a_gradient_by_a_token_comes_to_the_state_as_differences_say() {
 
 #[test]
 fn a_gradient_by_the_next_state_comes_to_prediction_and_state_as_differences_say() {
-    for (robot, _) in ROBOTS {
+    for ((robot, _), base) in ROBOTS.into_iter().flat_map(|robot| [Base::State, Base::Trapezoid].map(|base| (robot, base))) {
         let system: Arc<System> = System::named(robot).expect("built in");
-        let (mut features, d, n) = (Features::new(&system, Base::State), system.robot.state_dim(), 2 * system.robot.nv());
+        let (mut features, d, n) = (Features::new(&system, base), system.robot.state_dim(), 2 * system.robot.nv());
         let state = start(&system, Start::Sample, &mut stream(9, 1));
         let mut change = some(d, 0.1);
         if system.robot.floating() {
@@ -148,8 +149,15 @@ fn a_gradient_by_the_next_state_comes_to_prediction_and_state_as_differences_say
             })
             .collect();
         let (mut slope, mut by_change) = (vec![0.0; n], vec![0.0; d]);
+        let (time, prediction) = (system.frame_time, change.clone());
+        if base == Base::Trapezoid {
+            trapezoid::add(&system.robot, time, &state, &mut change);
+        }
         apply_back(&system.robot, &state, &change, &upstream, &mut slope, &mut by_change);
+        if base == Base::Trapezoid {
+            trapezoid::back(&system.robot, time, &state, &prediction, &mut by_change, &mut slope);
+        }
         let off = [worst(&slope, &by_state), worst(&by_change, &by_prediction)];
-        assert!(off[0].max(off[1]) < 1e-6, "{robot}: by the state {:.1e}, by the prediction {:.1e} off", off[0], off[1]);
+        assert!(off[0].max(off[1]) < 1e-6, "{robot}, {base:?}: by the state {:.1e}, by the prediction {:.1e} off", off[0], off[1]);
     }
 }

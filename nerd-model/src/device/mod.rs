@@ -31,7 +31,7 @@ pub fn settings(form: Form, system: &System) -> Result<(ArticulatedConfig, Reach
     }
     let (settings, faced) = match base {
         Base::Flight | Base::ExactFlight | Base::Nothing => return refuse(format!("that adds to {base:?}")),
-        Base::State => (ArticulatedConfig::implicit(1, Friction::Coulomb), system.spec.material),
+        Base::State | Base::Trapezoid => (ArticulatedConfig::implicit(1, Friction::Coulomb), system.spec.material),
         Base::Draft(substeps) => {
             let (settings, material) = Draft::settings(system, substeps).map_err(|e| e.to_string())?;
             (settings, material.mean(&system.spec.material))
@@ -57,6 +57,8 @@ pub fn token_functions(form: Form, normalizer: &Normalizer, system: &Arc<System>
     for (name, n) in [("INPUTS", inputs), ("LDX", padded(inputs)), ("SITUATED", situated), ("DRAFTED", drafted)] {
         let _ = writeln!(text, "#define {name} {n}");
     }
+    let time = if form.base == Base::Trapezoid { system.frame_time } else { 0.0 };
+    let _ = writeln!(text, "#define TRAPEZOID {time:e}");
     let (inputs, outputs) = (&normalizer.inputs, &normalizer.outputs);
     let mut table = |kind: &str, name: &str, numbers: Vec<f64>| {
         // None may be empty.

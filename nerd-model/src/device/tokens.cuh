@@ -117,13 +117,61 @@ BIG int tell(const double* state, const double* tau, const double* scene, double
     return give(t, base);
 }
 
+// Velocity of the root in its own axes.
+FN void own_velocity(const double* state, V3& a, V3& b) {
+    const M3 r = matrix(read4(state + 3));
+    const double *w = state + NQ, *o = state;
+    const V3 v = v3((real)(w[3] - (o[1] * w[2] - o[2] * w[1])), (real)(w[4] - (o[2] * w[0] - o[0] * w[2])), (real)(w[5] - (o[0] * w[1] - o[1] * w[0])));
+    a = back(r, v3((real)w[0], (real)w[1], (real)w[2]));
+    b = back(r, v);
+}
+
+FN void add3(double* to, V3 v) { to[0] += v.x; to[1] += v.y; to[2] += v.z; }
+FN void put3(double* to, V3 v) { to[0] = v.x; to[1] = v.y; to[2] = v.z; }
+
+// a b, neither of unit length.
+FN void product(const double* a, const double* b, double* out) {
+    for (int k = 0; k < 3; k++) {
+        const int i = (k + 1) % 3, j = (k + 2) % 3;
+        out[k] = a[3] * b[k] + a[k] * b[3] + a[i] * b[j] - a[j] * b[i];
+    }
+    out[3] = a[3] * b[3] - a[0] * b[0] - a[1] * b[1] - a[2] * b[2];
+}
+
+FN void exponential(V3 u, double* q) {
+    const double angle = norm(u), s = angle > 1e-8 ? sin(0.5 * angle) / angle : 0.5;
+    put3(q, u * (real)s);
+    q[3] = cos(0.5 * angle);
+}
+
+// Turn and way of the root at the mean of the velocities before and after, in its own axes.
+FN void carried(const double* state, const double* change, V3& turn, V3& way) {
+    V3 a, b;
+    own_velocity(state, a, b);
+    turn = (a + v3(change[NQ], change[NQ + 1], change[NQ + 2]) * (real)0.5) * (real)TRAPEZOID;
+    way = (b + v3(change[NQ + 3], change[NQ + 4], change[NQ + 5]) * (real)0.5) * (real)TRAPEZOID;
+}
+
+// From a prediction to the change of the state, as trapezoid.rs.
+FN void trapezoid(const double* state, double* change) {
+    if (TRAPEZOID == 0) return;
+    for (int i = 0; i < NJ; i++) change[COORDS + i] += TRAPEZOID * (state[NQ + DOFS + i] + 0.5 * change[NQ + DOFS + i]);
+    if (!DOFS) return;
+    V3 u, way;
+    double e[4], turned[4];
+    carried(state, change, u, way);
+    exponential(u, e);
+    product(e, change + 3, turned);
+    add3(change, way);
+    for (int k = 0; k < 4; k++) change[3 + k] = turned[k];
+}
+
 // The state that lies a prediction from `base`, in place of `state`; 0 or GONE.
 BIG int apply(double* state, const double* base, const float* prediction) {
     double change[STATE], next[STATE];
-    for (int k = 0; k < STATE; k++) {
-        change[k] = (double)prediction[k] * STRETCH[k] + SHIFT[k];
-        next[k] = base[k] + change[k];
-    }
+    for (int k = 0; k < STATE; k++) change[k] = (double)prediction[k] * STRETCH[k] + SHIFT[k];
+    trapezoid(state, change);
+    for (int k = 0; k < STATE; k++) next[k] = base[k] + change[k];
     if (DOFS) {
         double s[4], seen[4], turned[4], by[3], n = 0;
         for (int k = 0; k < 4; k++) n += state[3 + k] * state[3 + k];

@@ -182,7 +182,7 @@ pub(super) fn export(plan: &Plan, run: &Identity, normalizer: Normalizer, weight
         match run.base {
             Base::Flight | Base::ExactFlight => "what contact adds to one frame of flight".into(),
             Base::Draft(n) => format!("what a frame of {n} coarse substep{} lacks", if n == 1 { "" } else { "s" }),
-            Base::State | Base::Nothing => "one frame".into(),
+            Base::State | Base::Trapezoid | Base::Nothing => "one frame".into(),
         },
         run.truth,
         run.trainer.updates,

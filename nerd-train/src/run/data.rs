@@ -124,7 +124,7 @@ impl Data {
                 (normalizer, Sets::Cable(Course { body, train: motions.clone(), validation: validation.clone(), frames }))
             }
             (_, Some(parent)) => {
-                let body = Robot::new(system, &parent.normalizer, &motions);
+                let body = Robot::new(system, plan.base, &parent.normalizer, &motions);
                 (parent.normalizer.clone(), Sets::Robot(Course { body, train: motions.clone(), validation: validation.clone(), frames }))
             }
             (_, None) => refuse!("--sequence {frames}: rollouts want a model that knows single frames: give it with --from"),

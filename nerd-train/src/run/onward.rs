@@ -26,6 +26,7 @@ impl RunConfig {
         let mut run = Self { robot: model.robot.clone(), updates, batch: model.batch, ..Self::default() };
         (run.base, run.draft) = match model.base {
             Base::State => (BaseName::State, run.draft),
+            Base::Trapezoid => (BaseName::Trapezoid, run.draft),
             Base::Flight | Base::ExactFlight => (BaseName::Flight, run.draft),
             Base::Draft(n) => (BaseName::Draft, n),
             Base::Nothing => refuse!("the model predicts states; say with --recipe how it is trained on"),

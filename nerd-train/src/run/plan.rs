@@ -117,7 +117,10 @@ impl RunConfig {
                 self.sequence.is_some() && !self.stream && !chain && self.history > 1,
                 "--sequence means nothing without --stream, --history 1 or --variant chain",
             ),
-            (rolled && self.base != BaseName::State, "--sequence with --history 1 rolls out what is added to the state: leave --base out"),
+            (
+                rolled && !matches!(self.base, BaseName::State | BaseName::Trapezoid),
+                "--sequence with --history 1 rolls out what is added to the state: --base state or trapezoid",
+            ),
             (rolled && self.huber.is_some(), "--huber means nothing where --sequence rolls out"),
             (rolled && self.fresh > 0, "--fresh means nothing where --sequence rolls out"),
             (self.epsilon.is_some() && self.from.is_some(), "--epsilon: the model that --from starts from has its own; leave one out"),
@@ -137,6 +140,7 @@ impl RunConfig {
     pub fn base(&self, system: &System) -> Result<Base> {
         let base = match self.base {
             BaseName::State => Base::State,
+            BaseName::Trapezoid => Base::Trapezoid,
             BaseName::Flight if system.robot.contact_points.is_empty() => refuse!(
                 "`{}` has nothing to touch: a frame of flight is its whole motion and needs no network; use --solver articulated",
                 self.robot

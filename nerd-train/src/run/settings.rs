@@ -22,9 +22,9 @@ settings! {
         robot: String = String::new(), Text;
         /// Folder of the run; the same command continues it
         out: PathBuf = PathBuf::new(), Text;
-        /// What predictions are added to: state (the paper), flight (one contact-free frame; the network is left with contact) or
+        /// What predictions are added to: state (the paper), trapezoid (the state, positions by the mean of the velocities), flight (one contact-free frame; the network is left with contact) or
         /// draft (a coarse implicit step, contact and all; the network is left with what finer ones change)
-        base: BaseName = BaseName::State, Words(&["state", "flight", "draft"]);
+        base: BaseName = BaseName::State, Words(&["state", "trapezoid", "flight", "draft"]);
         /// Substeps of the draft with --base draft
         draft: usize = 1, Whole(1..=Draft::MOST as u64);
         /// NeRD, one of the designs it is compared with (paper A.3.3), or chain, for cables: rod by rod, through many frames
@@ -108,6 +108,8 @@ pub enum BaseName {
     /// The state before the frame.
     #[default]
     State,
+    /// The state, its positions by the trapezoid rule.
+    Trapezoid,
     /// The state after a frame without contact, as the truth flies it.
     Flight,
     /// The state after a few coarse substeps.

@@ -3,7 +3,6 @@
 use std::fmt::Write;
 use std::sync::Arc;
 
-use nerd_model::base::Base;
 use nerd_model::device::{settings, token_functions};
 use nerd_model::features::Features;
 use nerd_sim::articulated::device::{Reach, Real, record};
@@ -16,12 +15,12 @@ use super::{ASTRAY, Robot, SHARE};
 impl OnCard for Robot {
     fn widths(&self) -> Widths {
         let robot = &self.system.robot;
-        let inputs = Features::inputs(&self.system, Base::State);
+        let inputs = Features::inputs(&self.system, self.base);
         Widths { state: robot.state_dim(), kept: 0, inputs, torques: robot.joint_count(), threads: None }
     }
 
     fn program(&self, system: &Arc<System>, rollouts: usize, colliders: usize) -> Result<String, String> {
-        let mut text = token_functions(Base::State.into(), &self.normalizer, system, Real::F64, colliders)?;
+        let mut text = token_functions(self.base.into(), &self.normalizer, system, Real::F64, colliders)?;
         for (name, x) in [("SHARE", SHARE), ("ASTRAY", ASTRAY)] {
             let _ = writeln!(text, "#define {name} {x:e}");
         }
@@ -34,7 +33,7 @@ impl OnCard for Robot {
     }
 
     fn record(&self, system: &System, scene: &Scene, colliders: usize) -> Result<Vec<f64>, String> {
-        let (settings, reach) = settings(Base::State.into(), system)?;
+        let (settings, reach) = settings(self.base.into(), system)?;
         record(scene, system, &settings, Reach { colliders, ..reach })
     }
 

@@ -1,14 +1,6 @@
 // Rollouts of a robot that is seen by one token, and the gradient of their loss, as mod.rs, difference.rs and nerd_model's slopes.rs have them, in
 // 64 bits: a thread a rollout. Beside what tokens.cuh asks for, the host gives ROLLOUTS, UNIT and COUNTS (2 NV each), SHARE and ASTRAY.
 
-// Velocity of the root in its own axes.
-FN void own_velocity(const double* state, V3& a, V3& b) {
-    const M3 r = matrix(read4(state + 3));
-    const V3 w = read3(state + NQ), o = read3(state);
-    a = back(r, w);
-    b = back(r, read3(state + NQ + 3) - cross(o, w));
-}
-
 // The vector part of a^-1 b, its real part, and the sign by which that is the shorter way.
 FN V3 turned_by(const double* a, const double* b, double& real_part, double& sign) {
     double turn[4];
@@ -17,9 +9,6 @@ FN V3 turned_by(const double* a, const double* b, double& real_part, double& sig
     sign = turn[3] < 0 ? -1 : 1;
     return v3(turn[0], turn[1], turn[2]);
 }
-
-FN void add3(double* to, V3 v) { to[0] += v.x; to[1] += v.y; to[2] += v.z; }
-FN void put3(double* to, V3 v) { to[0] = v.x; to[1] = v.y; to[2] = v.z; }
 
 // How state b lies from a, in the tangent space of a.
 FN void difference(const double* a, const double* b, double* out) {
@@ -75,10 +64,11 @@ FN void join(const double* behind, int later, double* slope) {
     for (int i = 0; i < 2 * NV; i++) slope[i] += share * behind[i];
 }
 
-// Gradients by prediction and by the state before, from the upstream one by the state after; those by the state are added to `slope`.
-FN void apply_back(const double* state, const float* said, const double* behind, double* by_change, double* slope) {
+// The same by the change of the state.
+FN void change_back(const double* state, const float* said, const double* behind, double* by_change, double* slope) {
     double change[STATE];
     for (int k = 0; k < STATE; k++) change[k] = (double)said[k] * STRETCH[k] + SHIFT[k];
+    trapezoid(state, change);
     for (int i = 0; i < NJ; i++) {
         by_change[COORDS + i] = behind[DOFS + i];
         by_change[NQ + DOFS + i] = behind[NV + DOFS + i];
@@ -104,6 +94,42 @@ FN void apply_back(const double* state, const float* said, const double* behind,
     add3(slope + 3, by_x);
     add3(slope + NV, by_own);
     add3(slope + NV + 3, by_speed);
+}
+
+// The way back of `trapezoid`.
+FN void trapezoid_back(const double* state, const float* said, double* by, double* slope) {
+    const double time = TRAPEZOID;
+    if (time == 0) return;
+    for (int i = 0; i < NJ; i++) {
+        slope[NV + DOFS + i] += time * by[COORDS + i];
+        by[NQ + DOFS + i] += 0.5 * time * by[COORDS + i];
+    }
+    if (!DOFS) return;
+    double change[STATE], e[4], own[4], c[4], twist[4];
+    for (int k = 0; k < STATE; k++) change[k] = (double)said[k] * STRETCH[k] + SHIFT[k];
+    V3 u, way;
+    carried(state, change, u, way);
+    const V3 by_way = read3(by);
+    exponential(u, e);
+    for (int k = 0; k < 4; k++) c[k] = k < 3 ? -change[3 + k] : change[3 + k];
+    const double back_e[4] = {-e[0], -e[1], -e[2], e[3]};
+    product(back_e, by + 3, own);
+    product(own, c, twist);
+    const V3 t = v3(twist[0], twist[1], twist[2]) * 0.5, once = cross(u, t);
+    const double angle = norm(u), first = angle > 1e-4 ? (1 - cos(angle)) / (angle * angle) : 0.5;
+    const double second = angle > 1e-4 ? (angle - sin(angle)) / (angle * angle * angle) : 1.0 / 6;
+    const V3 by_u = t + once * first + cross(u, once) * second;
+    for (int k = 0; k < 4; k++) by[3 + k] = own[k];
+    add3(slope + NV, by_u * time);
+    add3(slope + NV + 3, by_way * time);
+    add3(by + NQ, by_u * (0.5 * time));
+    add3(by + NQ + 3, by_way * (0.5 * time));
+}
+
+// Gradients by prediction and by the state before, from the upstream one by the state after; those by the state are added to `slope`.
+FN void apply_back(const double* state, const float* said, const double* behind, double* by_said, double* slope) {
+    change_back(state, said, behind, by_said, slope);
+    trapezoid_back(state, said, by_said, slope);
 }
 
 FN V3 three(const float* by, int k) { return v3(by[k] / SCALE[k], by[k + 1] / SCALE[k + 1], by[k + 2] / SCALE[k + 2]); }

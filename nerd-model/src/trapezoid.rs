@@ -1,0 +1,81 @@
+//! Positions by the trapezoid rule: a prediction's positions count from where the mean of the velocities before and after would go.
+//!
+//! With the present velocities `v`, predicted changes `c_v` and what the rule misses `c`, over a frame of time T: `dq = T (v + c_v / 2) + c`.
+//! Of a free root (own axes, `a` angular and `b` linear) `d = T (b + c_b / 2) + c_d`, and its turn is `exp(T (a + c_a / 2)) c_n`. So positions
+//! go with velocities, and what is left to learn of them is what contact does within the frame.
+
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nerd_core::robot::Robot;
+use nerd_core::state::vector;
+
+use crate::slopes::own_velocity;
+
+/// The turn (rotation vector) and way of a free root at the mean velocities, in its own axes.
+fn carried(robot: &Robot, time: f64, state: &[f64], change: &[f64]) -> [Vector3<f64>; 2] {
+    let (nq, [a, b]) = (robot.nq(), own_velocity(state, robot.nq()));
+    [(a + vector(&change[nq..]) * 0.5) * time, (b + vector(&change[nq + 3..]) * 0.5) * time]
+}
+
+fn turn(change: &[f64]) -> Quaternion<f64> {
+    Quaternion::new(change[6], change[3], change[4], change[5])
+}
+
+/// Joints alone: adds `sign` times the way at the mean velocities.
+fn joints(robot: &Robot, time: f64, state: &[f64], change: &mut [f64], sign: f64) {
+    let (nq, coords, dofs) = (robot.nq(), robot.root_coords(), robot.root_dofs());
+    for i in 0..robot.joint_count() {
+        change[coords + i] += sign * time * (state[nq + dofs + i] + 0.5 * change[nq + dofs + i]);
+    }
+}
+
+/// From a prediction to the change of the state.
+pub fn add(robot: &Robot, time: f64, state: &[f64], change: &mut [f64]) {
+    joints(robot, time, state, change, 1.0);
+    if robot.floating() {
+        let [u, way] = carried(robot, time, state, change);
+        let turned = UnitQuaternion::from_scaled_axis(u).into_inner() * turn(change);
+        change[..3].iter_mut().zip(way.iter()).for_each(|(x, d)| *x += d);
+        change[3..7].copy_from_slice(turned.coords.as_slice());
+    }
+}
+
+/// From the change of the state to what is predicted.
+pub fn remove(robot: &Robot, time: f64, state: &[f64], change: &mut [f64]) {
+    joints(robot, time, state, change, -1.0);
+    if robot.floating() {
+        let [u, way] = carried(robot, time, state, change);
+        let turned = UnitQuaternion::from_scaled_axis(-u).into_inner() * turn(change);
+        change[..3].iter_mut().zip(way.iter()).for_each(|(x, d)| *x -= d);
+        change[3..7].copy_from_slice(turned.coords.as_slice());
+    }
+}
+
+/// The way back of [`add`]: turns a gradient by the change into one by the prediction, and adds to `slope` what comes to the state, in its
+/// tangent space ([`crate::slopes`]).
+pub fn back(robot: &Robot, time: f64, state: &[f64], prediction: &[f64], by: &mut [f64], slope: &mut [f64]) {
+    let (nq, nv, coords, dofs) = (robot.nq(), robot.nv(), robot.root_coords(), robot.root_dofs());
+    for i in 0..robot.joint_count() {
+        slope[nv + dofs + i] += time * by[coords + i];
+        by[nq + dofs + i] += 0.5 * time * by[coords + i];
+    }
+    if !robot.floating() {
+        return;
+    }
+    let (u, by_way) = (carried(robot, time, state, prediction)[0], vector(by));
+    let (e, by_turn) = (UnitQuaternion::from_scaled_axis(u).into_inner(), turn(by));
+    let by_own = e.conjugate() * by_turn;
+    let twist = (by_own * turn(prediction).conjugate()).imag() * 0.5;
+    // By the rotation vector: the transposed right Jacobian of exp.
+    let angle = u.norm();
+    let (first, second) =
+        if angle > 1e-4 { ((1.0 - angle.cos()) / (angle * angle), (angle - angle.sin()) / angle.powi(3)) } else { (0.5, 1.0 / 6.0) };
+    let once = u.cross(&twist);
+    let by_u = twist + once * first + u.cross(&once) * second;
+    by[3..7].copy_from_slice(by_own.coords.as_slice());
+    for (at, g) in [(0, by_u), (3, by_way)] {
+        for k in 0..3 {
+            slope[nv + at + k] += time * g[k];
+            by[nq + at + k] += 0.5 * time * g[k];
+        }
+    }
+}
