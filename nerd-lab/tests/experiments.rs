@@ -8,16 +8,22 @@ use nerd_lab::experiments::chart::Chart;
 use nerd_lab::experiments::games::games;
 use nerd_lab::experiments::judges::Judges;
 use nerd_lab::experiments::motions::{MotionErrors, Motions, Row as MotionRow};
-use nerd_lab::experiments::passive::{Case, Passive, Protocol, Row, Rows};
+use nerd_lab::experiments::passive::{Case, Passive, Protocol, Row, Rows, unworthy};
 use nerd_lab::experiments::{Entry, Experiment, conduct};
-use nerd_lab::report::Artifact;
+use nerd_lab::report::manifest::{Entry as Made, Manifest};
+use nerd_lab::report::{Artifact, write_json};
+use nerd_model::base::Base;
 use nerd_model::pick::Setting;
+use nerd_model::transformer::Storage;
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::stream;
 use nerd_tasks::named;
 use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport};
 use nerd_train::ppo::folder::{PolicyConfig, save};
 use nerd_train::ppo::{Arena, Policy, PpoConfig, Shape};
+
+#[path = "../../nerd-model/tests/common/mod.rs"]
+mod models;
 
 /// The one line of what was refused.
 fn refusal<T>(done: anyhow::Result<T>) -> String {
@@ -59,6 +65,34 @@ fn a_result_is_kept_as_it_was_measured_and_gives_way_to_none_with_less_behind_it
     assert!(folder.path().join("shaken/README.md").exists(), "its tables are beside it");
 }
 
+/// Weights of zero on a draft: the model is its base alone. It may ship once both errors beside its own are five times as large.
+#[test]
+fn a_model_that_adds_nothing_is_not_shipped() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (results, all, mine) = (folder.path().join("results"), folder.path().join("models"), folder.path().join("models/mine"));
+    let mut model = models::model(&System::named("pendulum").expect("built in"), Base::Draft(1));
+    model.weights.flat.fill(0.0);
+    model.save(&mine, "nothing", Storage::F32).expect("saved");
+    let made = Made { name: "passive".into(), about: String::new(), command: String::new(), made: None, record: false, stale: None };
+    let manifest = Manifest { artefact: vec![made] };
+    let lines = || unworthy(&manifest, &results, &all).expect("readable");
+    assert!(lines().len() == 1 && lines()[0].contains("no result has a verdict"), "{:?}", lines());
+    let case = Case { solver: Choice::model(&mine), ..truth(|asked| asked.frames = Some(20)) };
+    conduct(&Passive::new("passive", &[case]).expect("asked"), &results).expect("measured");
+    println!("{:?}", lines());
+    assert!(lines().len() == 1 && lines()[0].contains("base alone errs 1.00 times"), "{:?}", lines());
+    let mut result = Artifact::read(&results, "passive").expect("a result");
+    let of = result.data["rows"][0]["verdict"].clone();
+    for (base, linear, refused) in [(5.1, 4.9, "linear map errs 4.90"), (4.9, 5.1, "base alone errs 4.90"), (5.1, 5.1, "")] {
+        for (row, times) in [("base", base), ("linear", linear)] {
+            let errors = of["model"]["errors"].as_array().expect("errors").iter().filter_map(|e| e.as_f64());
+            result.data["rows"][0]["verdict"][row]["errors"] = errors.map(|e| times * e).collect::<Vec<_>>().into();
+        }
+        write_json(&results.join("passive/result.json"), &result).expect("written");
+        assert!(lines().len() == usize::from(!refused.is_empty()) && lines().iter().all(|l| l.contains(refused)), "{:?}", lines());
+    }
+}
+
 #[test]
 fn the_summary_names_the_largest_of_a_robots_grounds_and_two_measurements_agree_by_their_errors() {
     let row = |scene: &str, error: f64| Row {
@@ -79,6 +113,7 @@ fn the_summary_names_the_largest_of_a_robots_grounds_and_two_measurements_agree_
             failed: 0,
         },
         paper: None,
+        verdict: None,
     };
     let rows = Rows { rows: vec![row("free", 0.5), row("ground1", 0.1), row("ground2", 0.3), row("ground3", 0.2)] };
     let scenes: Vec<_> = rows.summary().rows.into_iter().map(|r| r[1].clone()).collect();

@@ -8,6 +8,7 @@ macro_rules! tell {
 
 pub mod bounds;
 pub mod checkpoint;
+pub mod cost;
 pub mod device;
 pub mod difference;
 pub mod error;
@@ -29,7 +30,9 @@ pub mod supply;
 mod tensors;
 pub mod trainer;
 pub mod unroll;
+pub mod verdict;
 pub mod windows;
+pub mod words;
 
 pub use error::{Error, Result};
 pub use {nerd_model, nerd_sim, nerd_tasks};

@@ -70,9 +70,26 @@ pub type Hook<'a> = dyn FnMut(&mut dyn Learner, u64) -> Result<Option<f64>> + 'a
 #[derive(Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 enum Line {
-    Train { step: u64, loss: f32, gradient_norm: f32, lr: f64, windows_per_second: f64 },
-    Validation { step: u64, loss: f32, criterion: f64, best: bool },
+    Train {
+        step: u64,
+        loss: f32,
+        gradient_norm: f32,
+        lr: f64,
+        windows_per_second: f64,
+    },
+    Validation {
+        step: u64,
+        loss: f32,
+        criterion: f64,
+        best: bool,
+        /// Validations since the one with the least loss, where it rises.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        rising: Option<usize>,
+    },
 }
+
+/// Validations beyond the least loss, and how far above it the loss has to be, before a rise is more than noise.
+const RISE: (usize, f32) = (3, 1.02);
 
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -103,6 +120,8 @@ struct Lead {
     metrics: Record,
     bar: Bar,
     best: Option<(u64, f64)>,
+    /// Step and loss of every validation.
+    losses: Vec<(u64, f32)>,
     /// The update that the last line of training was of, and when it was written, but for time spent on validations.
     logged: (u64, Instant),
 }
@@ -156,7 +175,8 @@ impl Trainer {
         let metrics = Record::metrics(&self.folder, first)?;
         // A fresh run in an old folder starts its own comparison.
         let best = if first == 0 { None } else { self.best()?.map(|best| (best.step, best.criterion)) };
-        Ok(Lead { metrics, bar: bar_from("updates", first, self.config.updates), best, logged: (first, Instant::now()) })
+        let losses = validations(&self.folder);
+        Ok(Lead { metrics, bar: bar_from("updates", first, self.config.updates), best, losses, logged: (first, Instant::now()) })
     }
 
     fn validate(&self, lead: &mut Lead, learner: &mut dyn Learner, step: u64, hook: &mut Hook) -> Result<()> {
@@ -168,9 +188,17 @@ impl Trainer {
             lead.best = Some((step, criterion));
             Best { step, criterion, weights: learner.state()?.averaged() }.save(&self.folder, &self.run)?;
         }
-        lead.metrics.write(&Line::Validation { step, loss, criterion, best: better })?;
+        lead.losses.push((step, loss));
+        let risen = rise(&lead.losses);
+        lead.metrics.write(&Line::Validation { step, loss, criterion, best: better, rising: risen.map(|(count, _)| count) })?;
         let star = if better { ", best so far" } else { "" };
         lead.bar.line(&format!("step {step}: validation loss {loss:.4e}, criterion {criterion:.4e}{star}"));
+        if let Some((count, (first, least))) = risen {
+            lead.bar.line(&format!(
+                "validation loss has risen for {count} validations since its least of {least:.4e} at step {first}: the model overfits; \
+                 more --transitions or --fresh help"
+            ));
+        }
         lead.logged.1 += paused.elapsed();
         Ok(())
     }
@@ -220,6 +248,23 @@ impl Lead {
         self.logged = (step, Instant::now());
         Ok(())
     }
+}
+
+/// Step and loss of the validations on record in a run's folder.
+fn validations(folder: &Path) -> Vec<(u64, f32)> {
+    let text = nerd_sim::files::read_text(&folder.join("metrics.jsonl")).unwrap_or_default();
+    let lines = text.lines().filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok());
+    let validation =
+        |line: serde_json::Value| Some((line["step"].as_u64()?, line["loss"].as_f64()? as f32)).filter(|_| line["kind"] == "validation");
+    lines.filter_map(validation).collect()
+}
+
+/// How many validations ago the loss was least, and that one, if it has risen since by more than noise and still rises.
+fn rise(losses: &[(u64, f32)]) -> Option<(usize, (u64, f32))> {
+    let (least, best) = losses.iter().enumerate().min_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
+    let [.., before, last] = losses else { return None };
+    let count = losses.len() - 1 - least;
+    (count >= RISE.0 && last.1 > before.1 && last.1 > RISE.1 * best.1).then_some((count, *best))
 }
 
 /// Whether something done every `every` updates is done after update `step`; always after the last.

@@ -53,7 +53,10 @@ pub fn run(args: EvaluateArgs) -> Result<()> {
     let passive = Passive::new(&name, &[Case { robot: args.robot, solver, truth: args.solver.truth, asked }])?;
     match folder {
         Some(folder) => drop(conduct(&passive, &folder)?),
-        None => tables(&[passive.rows()?.table()]),
+        None => {
+            let rows = passive.rows()?;
+            tables(&[Some(rows.table()), rows.verdicts()].into_iter().flatten().collect::<Vec<_>>());
+        }
     }
     replay.map_or(Ok(()), |(file, page)| out::replay(&file, &page))
 }

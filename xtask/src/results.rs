@@ -3,10 +3,11 @@
 use std::process::Command;
 
 use anyhow::{Context, Result, bail};
+use nerd_lab::experiments::passive::unworthy;
 use nerd_lab::report::manifest::{Manifest, Status};
 use nerd_lab::report::marks::{Marks, documents, unmarked};
 use nerd_lab::report::{Table, write};
-use nerd_train::shipped::{results, root};
+use nerd_train::shipped::{models, results, root};
 
 /// Results and the documents that quote them.
 #[derive(clap::Args, Clone, Debug)]
@@ -18,7 +19,8 @@ pub struct ResultsArgs {
 /// What is done.
 #[derive(clap::Subcommand, Clone, Debug)]
 pub enum Part {
-    /// End with an error unless every result holds and every document says what the results say
+    /// End with an error unless every result holds, every shipped model is five times better than its base alone and a linear map, and
+    /// every document says what the results say
     Check,
     /// Make results again, by their commands in `results/manifest.toml`
     Make {
@@ -68,10 +70,14 @@ fn check(manifest: &Manifest, reference: &str) -> Result<()> {
             wrong.push(format!("{}: {status}", entry.name));
         }
     }
+    wrong.extend(unworthy(manifest, &results(), &models())?);
     wrong.extend(fill(reference, false)?);
     match wrong.is_empty() {
         true => {
-            say!("{} results hold, and the documents say what they say", manifest.artefact.len());
+            say!(
+                "{} results hold, the models are worth their networks or known not to be, and the documents say so",
+                manifest.artefact.len()
+            );
             Ok(())
         }
         false => bail!("{}", wrong.join("; ")),

@@ -5,7 +5,6 @@ pub mod ablations;
 pub mod benchmark;
 pub mod calibrated;
 pub mod chart;
-pub mod cost;
 pub mod games;
 pub mod judges;
 pub mod learned;

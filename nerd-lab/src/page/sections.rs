@@ -14,9 +14,9 @@ use crate::report::{Artifact, digits, or_dash};
 pub fn scorecard(results: &Path) -> Section {
     Section::new(
         "Scorecard",
-        "Motion of every model beside the truth that it learned, with the paper's figures where the truth is the paper's; and the gaps of \
+        "Motion of every model beside the truth that it learned and what its base alone does, with the paper's figures where the truth is the paper's; and the gaps of \
          policies whose seeds no model has met. Smaller errors are better, and gaps nearer to 0.",
-        &(result(results, "passive", &["summary"]) + &result(results, "fresh", &["summary"])),
+        &(result(results, "passive", &["summary", "verdict"]) + &result(results, "fresh", &["summary"])),
     )
 }
 

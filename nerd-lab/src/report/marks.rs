@@ -15,7 +15,7 @@ use serde_json::Value;
 
 use super::artifact::Artifact;
 use super::below;
-use super::table::{digits, pair};
+use nerd_train::words::{digits, pair};
 
 use crate::error;
 

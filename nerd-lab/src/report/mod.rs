@@ -23,7 +23,8 @@ pub use figure::{Axis, Figure, Mark, Panel, Series, Style, unbeaten};
 pub use inputs::{Input, Inputs};
 pub use manifest::{Manifest, Status};
 pub use nerd_train::provenance::Provenance;
-pub use table::{Table, digits, or_dash, pair};
+pub use nerd_train::words::{digits, pair};
+pub use table::{Table, or_dash};
 
 /// Writes a file, whole or not at all.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {

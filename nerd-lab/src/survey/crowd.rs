@@ -9,9 +9,9 @@ use rand::RngExt;
 
 use super::file::{Found, reason};
 use super::stand::{lowest, ready};
-use crate::experiments::cost::on_one_core;
 use crate::mujoco::{Referee, Scheme};
 use crate::prelude::*;
+use nerd_train::cost::on_one_core;
 
 /// Frames of a rollout: half a second.
 pub const CROWD: usize = 30;

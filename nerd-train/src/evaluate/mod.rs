@@ -5,6 +5,7 @@
 //! Each figure has two baselines without dynamics: `hold` repeats the start, `glide` continues at the start's velocity. A rollout that
 //! diverges is counted and stays in every mean.
 
+use std::fmt;
 use std::sync::Arc;
 
 use nerd_sim::dataset::{Act, Drive, Smooth};
@@ -63,6 +64,17 @@ pub enum Action {
     Limp,
     /// The training data's random torques times this factor, drawn at the truth's state and given to both.
     Random(f64),
+}
+
+/// As a protocol's words end with it: nothing for [`Action::Zero`].
+impl fmt::Display for Action {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Zero => Ok(()),
+            Self::Limp => f.write_str(", limp"),
+            Self::Random(factor) => write!(f, ", torques x {factor}"),
+        }
+    }
 }
 
 /// Rolls `truth` and `solver` out from the same starts; `progress` is called after each step.

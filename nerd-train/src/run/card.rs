@@ -1,7 +1,7 @@
 //! A run's identity, and the card of its model.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use nerd_model::base::Base;
 use nerd_model::folder::{Model, ModelConfig};
@@ -16,9 +16,14 @@ use super::variant::Variant;
 use crate::checkpoint;
 use crate::difference::between;
 use crate::error::{Error, Result, refuse};
+use crate::evaluate::{Action, PassiveConfig, horizon};
 use crate::learner::{LearnerConfig, LearnerState};
 use crate::records::rows;
 use crate::trainer::TrainerConfig;
+use crate::verdict::{Verdict, judges, verdict};
+
+/// Starts of the verdict on a new model.
+const JUDGED: usize = 16;
 
 /// What decides a run's bytes; kept in its checkpoints, so that no run is continued as another one.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -155,7 +160,7 @@ fn history(config: &ModelConfig) -> String {
 }
 
 /// Writes the model folder `OUT/model` with a card made of what the run recorded.
-pub(super) fn export(plan: &Plan, run: &Identity, normalizer: Normalizer, weights: Weights, chosen: String) -> Result<PathBuf> {
+pub(super) fn export(plan: &Plan, run: &Identity, normalizer: Normalizer, weights: Weights, chosen: String) -> Result<()> {
     let out = &plan.config.out;
     let mut own = vec![
         ("weights", chosen),
@@ -171,7 +176,7 @@ pub(super) fn export(plan: &Plan, run: &Identity, normalizer: Normalizer, weight
     let card = format!(
         "# {} of `{}`\n\n{} ({} parameters, E {}, {} layers, window {}) that learned {} of `{}`.\n\
          {} updates of {} windows on {} {}transitions (SHA-256{} `{}`).\n\n{table}\n\
-         Its errors in rollouts are in `results/`. Written by `cargo xtask train`.\n",
+         Written by `cargo xtask train`.\n",
         run.variant.name(),
         run.robot,
         if run.network.architecture == Architecture::Transformer { "A causal Transformer" } else { "A network" },
@@ -197,5 +202,31 @@ pub(super) fn export(plan: &Plan, run: &Identity, normalizer: Normalizer, weight
     let storage = if run.base.moves() { Storage::F16 } else { Storage::F32 };
     let folder = out.join("model");
     Model { config, normalizer, weights }.save(&folder, &card, storage)?;
-    Ok(folder)
+    tell!("model written to {}", folder.display());
+    // A model is there whatever becomes of its verdict.
+    match verdict_on(plan, &folder, &card) {
+        Ok(Some(verdict)) => tell!("{verdict}"),
+        Ok(None) => {}
+        Err(e) => tell!("no verdict on this model: {e}"),
+    }
+    Ok(())
+}
+
+/// What the model in a folder, as it was stored, is worth on its robot's usual scene, from starts that chose nothing; its card ends with it.
+fn verdict_on(plan: &Plan, folder: &Path, card: &str) -> Result<Option<Verdict>> {
+    let Plan { system, config, .. } = plan;
+    let model = Model::load(folder, system, None)?;
+    if !judges(&model) {
+        return Ok(None);
+    }
+    let scenes = system.usual_scenes();
+    let scene = scenes.iter().find(|s| **s != "free").unwrap_or(&scenes[0]);
+    // An arm that holds its pose does not move.
+    let action = if system.spec.control.is_some() && !system.robot.floating() { Action::Random(1.0) } else { Action::Zero };
+    let seed = config.record.seed.wrapping_add(2_000);
+    let protocol = PassiveConfig { starts: JUDGED, steps: horizon(&system.name), seed, action };
+    let verdict = verdict(system, &system.scene(scene)?, &model, protocol)?;
+    let path = folder.join("README.md");
+    nerd_sim::files::write(&path, format!("{card}\n## What it is worth\n\n{verdict}.\n").as_bytes()).map_err(Error::file(&path))?;
+    Ok(Some(verdict))
 }

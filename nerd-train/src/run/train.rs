@@ -87,7 +87,7 @@ impl Run {
         let best = self.trainer(identity, started)?.best()?;
         let Some(best) = best else { refuse!("{}: no validated weights of this very run", self.plan.config.out.display()) };
         let chosen = format!("{}; the run was ended there", self.averaged(&best));
-        self.export(identity, judge.normalizer, best.weights, chosen)
+        export(&self.plan, identity, judge.normalizer, best.weights, chosen)
     }
 
     /// What is left of the updates, and then the model, if this rank is to make it and there was time for all of them.
@@ -116,7 +116,7 @@ impl Run {
             refuse!("{}: in no validation did the rollouts end in numbers; give it more --updates", out.display());
         };
         let (weights, chosen) = self.choose(identity, &judge, best, &mut *engine)?;
-        self.export(identity, judge.normalizer, weights, chosen).map(Some)
+        export(plan, identity, judge.normalizer, weights, chosen).map(Some)
     }
 
     /// What makes its updates until the minutes are over.
@@ -213,11 +213,5 @@ impl Run {
         }
         let chosen = self.averaged(&best);
         Ok((best.weights, chosen))
-    }
-
-    fn export(&self, identity: &Identity, normalizer: Normalizer, weights: Weights, chosen: String) -> Result<()> {
-        let folder = export(&self.plan, identity, normalizer, weights, chosen)?;
-        tell!("model written to {}", folder.display());
-        Ok(())
     }
 }

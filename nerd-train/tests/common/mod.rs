@@ -17,7 +17,7 @@ use nerd_train::ranks::{Place, Ranks};
 use nerd_train::windows::Windows;
 
 #[path = "../../../nerd-model/tests/common/mod.rs"]
-mod models;
+pub mod models;
 
 pub use models::unlearned;
 

@@ -8,11 +8,11 @@ use nerd_train::device::resident;
 use nerd_train::learner::cuda::Precision;
 
 use super::Benchmark;
-use crate::experiments::cost::powers;
 use crate::mujoco::{Referee, Scheme};
 use crate::prelude::*;
 use crate::report::{Mark, unbeaten};
 use crate::roll::{begun, idle, rolled};
+use nerd_train::cost::powers;
 
 /// Frames after which most robots touch something: there rollouts begin.
 const FALL: usize = 25;

@@ -6,10 +6,10 @@ use nerd_sim::instruments::Replay;
 
 use super::plan::Plan;
 use super::shown::{Against, Point};
-use crate::experiments::cost::powers;
 use crate::mujoco::{Referee, Scheme};
 use crate::prelude::*;
 use crate::roll::begun;
+use nerd_train::cost::powers;
 
 pub(super) fn referee(python: &Path, Plan { system, scene, protocol: config, .. }: &Plan) -> Result<Referee> {
     Referee::new(python, &begun(system, scene, config.starts, Start::Reset, config.seed), config.steps)

@@ -4,8 +4,8 @@ use nerd_sim::instruments::{Recorder, Replay};
 
 use super::plan::{Method, Plan};
 use super::shown::{ChartData, Point};
-use crate::experiments::cost::timed;
 use crate::prelude::*;
+use nerd_train::cost::timed;
 
 type Frames = Vec<Vec<f64>>;
 

@@ -11,9 +11,9 @@ mod measure;
 mod plan;
 mod shown;
 
-use super::cost::on_one_core;
 use crate::choice::Choice;
 use crate::prelude::*;
+use nerd_train::cost::on_one_core;
 use plan::Plan;
 
 pub use plan::Chart;

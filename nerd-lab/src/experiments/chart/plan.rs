@@ -1,9 +1,9 @@
 //! What is drawn: a chart's settings, and all that they name.
 
 use crate::choice::describe;
-use crate::experiments::cost::powers;
 use crate::prelude::*;
 use crate::roll::refusal;
+use nerd_train::cost::powers;
 
 settings! {
     /// Speed against accuracy.

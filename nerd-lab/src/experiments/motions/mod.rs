@@ -18,9 +18,9 @@ use nerd_train::learner::cuda::Precision;
 use rayon::prelude::*;
 use rollout::{Recorded, Rollout, contact_points, distances};
 
-use super::cost::{on_one_core, powers};
 use crate::choice::describe;
 use crate::prelude::*;
+use nerd_train::cost::{on_one_core, powers};
 
 /// Environments that move together on a GPU, and the frames from one comparison to the next there.
 const GPU_ENVIRONMENTS: usize = 4096;
@@ -126,7 +126,7 @@ impl Motions {
             for (name, floor) in floors {
                 rows.push(Row::new(name, None, recorded.roll_out_by_steps(floor)?, &recorded)?);
             }
-            Ok(rows)
+            Ok::<_, Error>(rows)
         })?;
         bar.finish();
         Ok(MotionErrors { robot: system.name.clone(), reference: format!("articulated, implicit, {finest} substeps"), rows })

@@ -10,7 +10,7 @@ use nerd_core::robot::Robot;
 use nerd_sim::prelude::*;
 use nerd_train::stats::mean;
 
-use super::super::cost::each;
+use nerd_train::cost::each;
 
 /// A motion is lost if its points are this many times as far from the recorded ones as those ever are from the origin.
 const FAR: f64 = 10.0;

@@ -6,14 +6,17 @@
 //! streams. The truth against itself is 0 everywhere and is asked for by name, as `control`.
 
 mod rows;
+mod worth;
 
 use nerd_sim::instruments::Shaken;
+use nerd_train::verdict::{Verdict, judges, verdict};
 
 use crate::choice::Choice;
 use crate::paper;
 use crate::prelude::*;
 
 pub use rows::{Row, Rows};
+pub use worth::unworthy;
 
 settings! {
     /// How passive motion is measured.
@@ -35,6 +38,9 @@ settings! {
         shake: f64 = 0.0, Number(0.0..=1e3);
         /// Compare the truth with itself: every error must be 0
         control: bool = false, Flag;
+        /// Starts from which a model is judged beside its base alone, a linear map and the analytic solver, on one core of the CPU; 0: it
+        /// is not judged
+        verdict: usize = 32, Whole(0..=*STARTS.end());
     }
 }
 
@@ -130,6 +136,9 @@ impl Passive {
             done += asked.work();
         }
         bar.finish();
+        for (asked, row) in self.asked.iter().zip(&mut rows) {
+            row.verdict = asked.verdict()?;
+        }
         Ok(Rows { rows })
     }
 }
@@ -172,7 +181,19 @@ impl Asked {
         // Only solvers' errors are compared, and the paper's errors are from the reference simulator.
         let paper = paper::passive_error(&robot, &scene).filter(|_| *truth == Truth::Paper && !case.asked.control);
         let model = if let Choice::Neural { folder, .. } = &case.solver { Some(shipped::from_root(folder)) } else { None };
-        Ok(Row { robot, method: method.clone(), model, scene, truth: truth.name(), protocol: *protocol, report, paper })
+        Ok(Row { robot, method: method.clone(), model, scene, truth: truth.name(), protocol: *protocol, report, paper, verdict: None })
+    }
+
+    /// What a model is worth, as it is and not shaken, beside the truth that it learned.
+    fn verdict(&self) -> Result<Option<Verdict>> {
+        let Self { case, system, scene, truth, protocol, .. } = self;
+        let Choice::Neural { folder, .. } = &case.solver else { return Ok(None) };
+        let model = Model::load(folder, system, None)?;
+        if case.asked.verdict == 0 || case.asked.shake > 0.0 || model.config.truth != truth.name() || !judges(&model) {
+            return Ok(None);
+        }
+        let protocol = PassiveConfig { starts: protocol.starts.min(case.asked.verdict), ..*protocol };
+        Ok(Some(verdict(system, scene, &model, protocol)?))
     }
 
     fn work(&self) -> usize {
@@ -194,6 +215,6 @@ impl Experiment for Passive {
 
     fn measure(&self) -> Result<Measured> {
         let rows = self.rows()?;
-        Measured::new(&rows, vec![rows.table(), rows.summary()])
+        Measured::new(&rows, [Some(rows.table()), Some(rows.summary()), rows.verdicts()].into_iter().flatten().collect())
     }
 }

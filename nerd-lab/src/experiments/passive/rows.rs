@@ -1,6 +1,7 @@
 //! Results of passive motion, and their tables.
 
 use nerd_train::evaluate::{quantities, summary, summary_names};
+use nerd_train::verdict::Verdict;
 
 use crate::prelude::*;
 
@@ -22,6 +23,9 @@ pub struct Row {
     pub report: PassiveReport,
     /// What the paper says, whose truth is `articulated`.
     pub paper: Option<Vec<f64>>,
+    /// What a model is worth, from the first of the starts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub verdict: Option<Verdict>,
 }
 
 impl Rows {
@@ -34,7 +38,7 @@ impl Rows {
                 r.whose(),
                 r.method.clone(),
                 r.scene.clone(),
-                format!("{} x {}{}", r.protocol.starts, r.protocol.steps, r.driven()),
+                format!("{} x {}{}", r.protocol.starts, r.protocol.steps, r.protocol.action),
                 r.shown(&p.error),
                 r.shown(&p.standard_error),
                 or_dash(r.paper.as_deref().map(pair)),
@@ -48,6 +52,22 @@ impl Rows {
              orientation (rad) of a floating base. Where no truth is named it is the robot's own: `articulated accurate`, of a robot \
              `NAME-paper` the reference simulator's preset, which alone the paper's figures can stand beside.",
         )
+    }
+
+    /// What the models are worth, where that was asked; a table and a line each.
+    pub fn verdicts(&self) -> Option<Table> {
+        let verdicts: Vec<&Verdict> = self.rows.iter().filter_map(|r| r.verdict.as_ref()).collect();
+        let first = verdicts.first()?;
+        let place = |v: &Verdict| format!("{}, {}", v.robot, v.scene);
+        let cells = verdicts.iter().flat_map(|v| v.cells().into_iter().map(|cells| [vec![place(v)], cells].concat()));
+        let lines: Vec<String> = verdicts.iter().map(|v| format!("* {}: {}.", place(v), v.line())).collect();
+        let note = format!(
+            "Error: {}, from the first {} starts; time and error are of the same steps on one core.\n\n{}",
+            if verdicts.iter().all(|v| v.quantities == first.quantities) { first.quantities.join(" / ") } else { "as above".into() },
+            first.protocol.starts,
+            lines.join("\n")
+        );
+        Some(Table::new("verdict", &[&["robot, scene"], &Verdict::HEADER[..]].concat()).with(cells).noted(&note))
     }
 
     /// The model meant where none is named, of each robot and truth; of a robot's grounds the one with the largest error.
@@ -67,15 +87,17 @@ impl Rows {
             let scene = if n > 1 { format!("{}, the largest of {n}", r.scene) } else { r.scene.clone() };
             Some(vec![
                 r.whose(),
-                scene + &r.driven(),
+                scene + &r.protocol.action.to_string(),
                 r.system().map_or_else(String::new, |system| summary_names(&system).join(" / ")),
                 r.bounded(),
                 or_dash(r.paper.as_deref().map(pair)),
                 r.shown(&r.report.hold),
+                or_dash(r.verdict.as_ref().map(|v| v.worth())),
             ])
         });
         let lines: Vec<_> = lines.collect();
-        Table::new("summary", &["robot", "scene", "mean error of", "NeRD (± standard error)", "paper", "hold last"]).with(lines)
+        Table::new("summary", &["robot", "scene", "mean error of", "NeRD (± standard error)", "paper", "hold last", "what it is worth"])
+            .with(lines)
     }
 
     /// How the error of a robot's models grows, a line for each scene; none of a robot that is not there.
@@ -104,7 +126,9 @@ impl Rows {
 impl Row {
     /// Whether both are of the same model in the same scene, driven alike.
     fn measures(&self, other: &Self) -> bool {
-        let what = |r: &Self| (r.robot.clone(), r.method.clone(), r.scene.clone(), r.truth.clone(), r.protocol.steps, r.driven());
+        let what = |r: &Self| {
+            (r.robot.clone(), r.method.clone(), r.scene.clone(), r.truth.clone(), r.protocol.steps, r.protocol.action.to_string())
+        };
         what(self) == what(other) && (self.model.is_none() || other.model.is_none() || self.model == other.model)
     }
 
@@ -138,14 +162,6 @@ impl Row {
     fn whose(&self) -> String {
         let own = self.system().map_or_else(Truth::default, |system| system.spec.truth);
         if self.truth == own.name() { self.robot.clone() } else { format!("{} ({})", self.robot, self.truth) }
-    }
-
-    fn driven(&self) -> String {
-        match self.protocol.action {
-            Action::Zero => String::new(),
-            Action::Limp => ", limp".into(),
-            Action::Random(factor) => format!(", torques x {factor}"),
-        }
     }
 
     fn touches(&self) -> bool {

@@ -1,10 +1,13 @@
 //! The cost of a frame: the shortest of several runs on one core. Every timing in a figure comes from here.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use nerd_sim::instruments::{Replay, Timed};
+use nerd_sim::prelude::*;
 
-use crate::prelude::*;
+use crate::error::{Error, Result};
+use crate::evaluate::{PassiveConfig, PassiveReport, passive};
 
 /// As many runs as fit into this, at most so many; and [`SOME`] if they fit into [`PATIENCE`].
 const TIME: Duration = Duration::from_millis(300);
@@ -51,8 +54,8 @@ pub fn powers(last: usize) -> impl Iterator<Item = usize> {
 }
 
 /// Works with one thread, whatever else the program has.
-pub fn on_one_core<T: Send>(work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
-    rayon::ThreadPoolBuilder::new().num_threads(1).build()?.install(work)
+pub fn on_one_core<T: Send, E: From<Error> + Send>(work: impl FnOnce() -> Result<T, E> + Send) -> Result<T, E> {
+    rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|e| Error::Refused(format!("no thread to time on: {e}")))?.install(work)
 }
 
 #[cfg(test)]

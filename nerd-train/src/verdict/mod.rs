@@ -1,0 +1,155 @@
+//! What a model is worth: its errors and its time beside those of its base alone, of a linear map on the same inputs, and of the analytic
+//! solver at one substep and at the fewest that err no more.
+//!
+//! All roll out from equal starts under equal torques, on one core of the CPU, and each one's time and error are of the same steps.
+
+mod linear;
+mod words;
+
+use std::sync::Arc;
+
+use nerd_model::folder::Model;
+use nerd_model::pick::{Setting, learned};
+use nerd_model::transformer::Architecture;
+use nerd_sim::instruments::{Hold, Recorder};
+use nerd_sim::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::cost::{on_one_core, powers, timed};
+use crate::error::{Error, Result, refuse};
+use crate::evaluate::{PassiveConfig, passive, summary, summary_names};
+use crate::progress::bar;
+use crate::stats::mean;
+use linear::Normal;
+
+/// How many times a model's error that of its base alone, and of a linear map, has to be for the network to have earned its place.
+pub const WORTH: f64 = 5.0;
+/// Distance of the seed of the linear map's data from that of the starts.
+const ELSEWHERE: u64 = 7_000_003;
+/// Weights of the linear map's ridge: the one counts whose rollouts err least here.
+const RIDGES: [f64; 3] = [1e-6, 1e-3, 1e-1];
+/// Most substeps beside a truth that is not `articulated`.
+const MOST: usize = 64;
+
+/// What a model is worth on a scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Verdict {
+    /// Which robot.
+    pub robot: String,
+    /// Where.
+    pub scene: String,
+    /// The truth that it learned, and everything is compared with.
+    pub truth: String,
+    /// Starts, frames, seed, torques.
+    pub protocol: PassiveConfig,
+    /// What is compared, with units ([`summary_names`]).
+    pub quantities: Vec<String>,
+    /// The model.
+    pub model: Row,
+    /// What its predictions are added to, without them.
+    pub base: Row,
+    /// A linear map from its normalised token to its normalised target, of least squares over other motions of the truth.
+    pub linear: Row,
+    /// `articulated` at one substep and at more, as many as were asked for until one errs no more than the model in the mean of the
+    /// quantities.
+    pub articulated: Vec<Row>,
+}
+
+/// One solver's errors and time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    /// Which.
+    pub of: String,
+    /// Mean |difference| from the truth over all frames and starts, by quantity.
+    pub errors: Vec<f64>,
+    /// Of a frame, on one core.
+    pub microseconds: f64,
+    /// Rollouts that diverged or could not be continued.
+    pub diverged: usize,
+}
+
+impl Row {
+    /// Mean over the quantities.
+    pub fn mean(&self) -> f64 {
+        mean(&self.errors)
+    }
+}
+
+/// Whether there is a verdict on a model of that kind: there is none on a network along a chain, which has no linear map.
+pub fn judges(model: &Model) -> bool {
+    model.config.network.architecture != Architecture::Chain
+}
+
+/// Judges a model in a scene, from the starts that an evaluation of this protocol has; progress goes to standard error.
+///
+/// # Errors
+/// If it is along a chain, or the truth cannot step.
+pub fn verdict(system: &Arc<System>, scene: &Arc<Scene>, model: &Model, protocol: PassiveConfig) -> Result<Verdict> {
+    if !judges(model) {
+        refuse!("there is no verdict on a model along a chain: it has no linear map to be compared with");
+    }
+    let truth = Truth::named(&model.config.truth).map_err(Error::Refused)?;
+    let normal = Normal::of(model, system, truth, protocol.seed.wrapping_add(ELSEWHERE))?;
+    let own = Setting::from(truth).articulated(system);
+    let config = own.unwrap_or_else(|| ArticulatedConfig::accurate(system));
+    let most = own.map_or(MOST, |own| own.substeps.max(own.contact_substeps));
+    let counts: Vec<usize> = powers(most).chain((!most.is_power_of_two()).then_some(most)).collect();
+    let bar = bar("verdict: solvers", (3 + RIDGES.len() + counts.len()) as u64);
+    let found = on_one_core(|| {
+        let mut recorder = Recorder::new(truth.solver(system));
+        passive(system, scene, &mut recorder, &mut Hold, protocol, &mut |_| ())?;
+        let row = |of: &str, solver: Box<dyn Solver>| -> Result<Row> {
+            bar.add(1);
+            let (report, microseconds) = timed((system, scene), solver, &recorder.frames, protocol)?;
+            Ok(Row { of: of.into(), errors: summary(system, &report.error), microseconds, diverged: report.diverged })
+        };
+        let base = row(if model.config.base.moves() { "base alone" } else { "base alone (hold last)" }, linear::base(model, system))?;
+        let own = row("model", learned(model.clone(), system)?)?;
+        let maps = RIDGES.iter().filter_map(|ridge| Some(linear::with(model, system, normal.solve(*ridge)?)));
+        let maps = maps.map(|solver| row("linear map", solver)).collect::<Result<Vec<_>>>()?;
+        let Some(linear) = maps.into_iter().min_by(|a, b| a.mean().total_cmp(&b.mean())) else {
+            refuse!("no linear map fits the motions of `{}`: one of the model's inputs is not a number", system.name);
+        };
+        let mut articulated: Vec<Row> = Vec::new();
+        for n in counts {
+            if articulated.last().is_none_or(|last| last.mean() > own.mean()) {
+                let config = ArticulatedConfig { substeps: n, contact_substeps: n, ..config };
+                let mut next = row(&format!("articulated x{n}"), Box::new(Articulated::new(config)))?;
+                if next.errors.iter().all(|e| *e == 0.0) {
+                    next.of += " (the truth)";
+                }
+                articulated.push(next);
+            }
+        }
+        let (robot, quantities) = (system.name.clone(), summary_names(system));
+        let (scene, truth) = (scene.name.clone(), truth.name());
+        Ok::<_, Error>(Verdict { robot, scene, truth, protocol, quantities, model: own, base, linear, articulated })
+    })?;
+    bar.finish();
+    Ok(found)
+}
+
+impl Verdict {
+    /// The analytic solver at the fewest substeps that err no more than the model in the mean of the quantities; none if no number does.
+    pub fn equal(&self) -> Option<&Row> {
+        self.articulated.last().filter(|row| row.mean() <= self.model.mean())
+    }
+
+    /// A solver's errors as multiples of the model's, by quantity; of two that are 0 it is 1.
+    pub fn times(&self, row: &Row) -> Vec<f64> {
+        let ratio = |(a, b): (&f64, &f64)| if a == b { 1.0 } else { a / b };
+        row.errors.iter().zip(&self.model.errors).map(ratio).collect()
+    }
+
+    /// Where base alone or linear map do not err [`WORTH`] times as much as the model, in words; none if they do in every quantity.
+    pub fn shortfall(&self) -> Option<String> {
+        for row in [&self.base, &self.linear] {
+            for (quantity, times) in self.quantities.iter().zip(self.times(row)) {
+                if times.is_nan() || times < WORTH {
+                    return Some(format!("{} errs {times:.2} times as much as the model in {quantity}: {WORTH} are needed", row.of));
+                }
+            }
+        }
+        None
+    }
+}

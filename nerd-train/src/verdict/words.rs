@@ -1,0 +1,76 @@
+//! A verdict in words: a small table, and one line that says what to use.
+
+use std::fmt;
+
+use super::{Row, Verdict};
+use crate::words::{digits, markdown, pair};
+
+impl Verdict {
+    /// Columns of [`Verdict::cells`]; times and errors by quantity.
+    pub const HEADER: [&str; 4] = ["solver", "error", "times the model's", "us a frame on one core"];
+
+    /// A line of a table for each solver. Of the analytic ones the first and the last are shown.
+    pub fn cells(&self) -> Vec<Vec<String>> {
+        let (first, last) = (self.articulated.first(), self.articulated.last().filter(|_| self.articulated.len() > 1));
+        let rows = [Some(&self.model), Some(&self.base), Some(&self.linear), first, last].into_iter().flatten();
+        let cells = |row: &Row| {
+            let times: Vec<String> = self.times(row).into_iter().map(short).collect();
+            let lost = if row.diverged > 0 { format!(", {} diverged", row.diverged) } else { String::new() };
+            vec![row.of.clone() + &lost, pair(&row.errors), times.join(" / "), digits(row.microseconds)]
+        };
+        rows.map(cells).collect()
+    }
+
+    /// What to use, and by how much the network beats what has learned nothing, in one line.
+    pub fn line(&self) -> String {
+        let Self { model, base, linear, .. } = self;
+        let own = digits(model.microseconds);
+        let advice = match self.equal() {
+            Some(row) if row.microseconds <= model.microseconds => {
+                format!("use the solver: {} errs no more and takes {} us where the model takes {own}", row.of, digits(row.microseconds))
+            }
+            _ if base.mean() <= model.mean() || linear.mean() <= model.mean() => "the network adds nothing".into(),
+            Some(row) => {
+                format!("use the network: {} errs no more but takes {} us where the model takes {own}", row.of, digits(row.microseconds))
+            }
+            None => format!("use the network: it takes {own} us, and no number of substeps of `articulated` errs as little"),
+        };
+        format!("{advice}; {} errs {} times as much, a {} {}", base.of, self.span(base), linear.of, self.span(linear))
+    }
+
+    /// The same in a cell of a table.
+    pub fn worth(&self) -> String {
+        let equal = self.equal().map_or_else(String::new, |row| format!("{} {} us, ", row.of, digits(row.microseconds)));
+        let (own, base, linear) = (digits(self.model.microseconds), self.span(&self.base), self.span(&self.linear));
+        format!("{equal}model {own} us; base alone x {base}, linear map x {linear}")
+    }
+
+    /// A solver's errors as multiples of the model's, from the least to the most.
+    fn span(&self, row: &Row) -> String {
+        let mut times = self.times(row);
+        times.sort_by(f64::total_cmp);
+        let (least, most) = (short(times[0]), short(times[times.len() - 1]));
+        if least == most { least } else { format!("{least} to {most}") }
+    }
+}
+
+/// Two significant digits, which is what such ratios are good for.
+fn short(x: f64) -> String {
+    match x {
+        _ if x.is_nan() => "-".into(),
+        _ if x >= 1000.0 => "over 1000".into(),
+        _ if x > 0.0 && x < 0.01 => "under 0.01".into(),
+        _ if x >= 10.0 => format!("{x:.0}"),
+        _ => format!("{x:.2}"),
+    }
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { robot, scene, truth, protocol, quantities, .. } = self;
+        let table = markdown(&Self::HEADER, &self.cells());
+        let (starts, steps, seed) = (protocol.starts, protocol.steps, protocol.seed);
+        writeln!(f, "{robot} in {scene}, against {truth}, {starts} starts of seed {seed}, {steps} frames{}:", protocol.action)?;
+        write!(f, "{}\n\n{table}\n{}", quantities.join(" / "), self.line())
+    }
+}

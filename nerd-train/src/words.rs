@@ -1,0 +1,28 @@
+//! Figures and tables in words.
+
+/// Rows under a header, as an aligned Markdown table.
+pub fn markdown(header: &[&str], rows: &[Vec<String>]) -> String {
+    let width = |k: usize| rows.iter().map(|r| r[k].chars().count()).chain([header[k].chars().count()]).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..header.len()).map(width).collect();
+    let line = |cells: Vec<&str>| {
+        let cells = cells.iter().zip(&widths).map(|(c, w)| format!(" {c}{} ", " ".repeat(w - c.chars().count())));
+        format!("|{}|\n", cells.collect::<Vec<_>>().join("|"))
+    };
+    let rule = widths.iter().map(|w| "-".repeat(w + 2)).collect::<Vec<_>>().join("|");
+    let body: String = rows.iter().map(|r| line(r.iter().map(String::as_str).collect())).collect();
+    format!("{}|{rule}|\n{body}", line(header.to_vec()))
+}
+
+/// `a / b` with three significant digits each.
+pub fn pair(x: &[f64]) -> String {
+    x.iter().map(|v| digits(*v)).collect::<Vec<_>>().join(" / ")
+}
+
+/// Three significant digits.
+pub fn digits(x: f64) -> String {
+    if x == 0.0 || !x.is_finite() {
+        return x.to_string();
+    }
+    let decimals = (2 - x.abs().log10().floor() as i32).clamp(0, 12) as usize;
+    if !(1e-4..1e6).contains(&x.abs()) { format!("{x:.2e}") } else { format!("{x:.decimals$}") }
+}

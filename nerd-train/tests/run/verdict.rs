@@ -1,0 +1,71 @@
+//! Verdicts: what has learned nothing errs as its base, and what is linear is learned by the linear map.
+
+use nerd_model::base::Base;
+use nerd_model::folder::Model;
+use nerd_sim::instruments::Hold;
+use nerd_sim::prelude::*;
+use nerd_train::evaluate::{Action, PassiveConfig, passive, summary};
+use nerd_train::verdict::{Verdict, verdict};
+
+use crate::common::models::model;
+
+/// The base of a robot without a free root alone, as a model of weights that are 0.
+fn nothing(system: &std::sync::Arc<System>, base: Base) -> Model {
+    let mut model = model(system, base);
+    model.weights.flat.fill(0.0);
+    model
+}
+
+fn judged(system: &std::sync::Arc<System>, scene: &str, base: Base, action: Action) -> Verdict {
+    let protocol = PassiveConfig { starts: 4, steps: 30, seed: 5, action };
+    let found = verdict(system, &system.scene(scene).expect("a scene"), &nothing(system, base), protocol).expect("a verdict");
+    println!("{found}\n");
+    found
+}
+
+/// On any base weights of 0 are the base: the ratio is 1, so no such model passes. The finer its base, the more substeps err no more, and the
+/// solver is what to use.
+#[test]
+fn a_model_that_adds_nothing_is_its_base_and_is_told_so() {
+    let system = System::named("pendulum").expect("built in");
+    let mut fewest = 0;
+    for base in [Base::State, Base::ExactFlight, Base::Draft(1), Base::Draft(2), Base::Draft(4)] {
+        let found = judged(&system, "ground1", base, Action::Random(1.0));
+        for times in found.times(&found.base) {
+            assert!((times - 1.0).abs() < 1e-4, "{base:?}: base alone errs {times} times as much");
+        }
+        assert!(found.shortfall().is_some_and(|why| why.contains("base alone")), "{base:?}: {:?}", found.shortfall());
+        assert!(!found.line().starts_with("use the network"), "{}", found.line());
+        let equal = found.equal().expect("at the truth's own substeps the error is 0");
+        let substeps: usize = equal.of.split(['x', ' ']).find_map(|word| word.parse().ok()).expect("a number");
+        assert!(base == Base::ExactFlight || substeps >= fewest, "{base:?}: x{substeps} after x{fewest}");
+        fewest = substeps;
+        assert!(found.articulated.iter().rev().skip(1).all(|row| row.mean() > found.model.mean()), "{:?}", found.articulated);
+    }
+    assert!(fewest >= 4, "x{fewest} errs no more than a draft of four");
+}
+
+#[test]
+fn hold_last_errs_as_far_as_the_truth_goes() {
+    let system = System::named("cartpole").expect("built in");
+    let found = judged(&system, "free", Base::State, Action::Random(1.0));
+    let scene = system.scene("free").expect("a scene");
+    let report = passive(&system, &scene, &mut *Truth::Articulated.solver(&system), &mut Hold, found.protocol, &mut |_| ());
+    assert_eq!(found.base.errors, summary(&system, &report.expect("a report").hold));
+}
+
+/// A wheel on a vertical axle with damping: its next velocity is a linear function of velocity and torque.
+#[test]
+fn a_linear_motion_is_learned_by_the_linear_map() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let urdf = r#"<robot name="wheel"><link name="a"/><link name="b"><inertial><mass value="1"/><inertia ixx="0.02" iyy="0.02" izz="0.02"
+        ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
+        <limit effort="1" velocity="8"/><dynamics damping="0.05"/></joint></robot>"#;
+    let path = folder.path().join("wheel.urdf");
+    std::fs::write(&path, urdf).expect("written");
+    let system = System::named(&path.display().to_string()).expect("a robot");
+    let found = judged(&system, "free", Base::State, Action::Random(1.0));
+    let share = found.linear.errors[0] / found.base.errors[0];
+    // What is left is the rounding of tokens to f32, and the ridge.
+    assert!(share < 1e-3, "the linear map errs {share:.1e} of hold last");
+}
