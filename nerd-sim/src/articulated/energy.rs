@@ -72,9 +72,16 @@ impl Workspace {
     }
 
     fn energy(&mut self, system: &System, scene: &Scene, state: &[f64]) -> Result<Energy, String> {
-        let robot = &system.robot;
         self.trial.copy_from_slice(state);
         let mut trial = std::mem::take(&mut self.trial);
+        let energy = self.energy_of(system, scene, &mut trial);
+        // Of a state that has none, too: the next environment needs the memory.
+        self.trial = trial;
+        energy
+    }
+
+    fn energy_of(&mut self, system: &System, scene: &Scene, trial: &mut [f64]) -> Result<Energy, String> {
+        let robot = &system.robot;
         let (q, qd) = trial.split_at_mut(robot.nq());
         to_local(robot, q, qd);
         kinematics(robot, q, &mut self.data);
@@ -103,7 +110,6 @@ impl Workspace {
             let beyond = joint.limit.map_or(0.0, |l| l.stiffness * (x - x.clamp(l.lower, l.upper)).powi(2));
             energy.lively += 0.5 * (beyond + joint.stiffness * (x - joint.rest).powi(2));
         }
-        self.trial = trial;
         Ok(energy)
     }
 }

@@ -95,14 +95,15 @@ impl Run {
         let (plan, out) = (&self.plan, &self.plan.config.out);
         let (Data { judge, sets, windows, .. }, step) = (data, state.step);
         let mut trainer = self.trainer(identity, started)?;
+        let fresh = self.supply(&judge.normalizer, step)?;
+        // A device that refuses leaves nothing behind.
+        let mut engine = engine(plan, &self.ranks, state, sets)?;
         if self.ranks.leads() {
             let path = out.join("run.json");
             let text = serde_json::to_string_pretty(identity).map_err(Error::file(&path))?;
             nerd_sim::files::write(&path, text.as_bytes()).map_err(Error::file(&path))?;
             tell!("{} parameters, {windows} windows, update {step} of {}", plan.network.parameters(), plan.trainer.updates);
         }
-        let fresh = self.supply(&judge.normalizer, step)?;
-        let mut engine = engine(plan, &self.ranks, state, sets)?;
         if !self.ranks.leads() {
             trainer.run(&mut *engine, fresh, &mut |_, _| Ok(None))?;
             return Ok(None);

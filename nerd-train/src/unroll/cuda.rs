@@ -80,7 +80,9 @@ impl<B: OnCard> CudaUnrollLearner<B> {
         config.check().map_err(LearnError::Mismatch)?;
         course.check()?;
         let (body, train, frames, rows) = (&course.body, &course.train, course.frames, ranks.part(config.batch));
-        let plan = Plan::of(&state.weights.config, body.tokens())?;
+        state.weights.config.check().map_err(LearnError::Mismatch)?;
+        // The loss is not the head's.
+        let plan = Plan::new(state.weights.config.program(), body.tokens(), false)?;
         let mut network = Network::new(plan, rows.len(), precision, true)?;
         let colliders = train.scenes.iter().map(|scene| scene.colliders.len()).max().unwrap_or(0);
         let text = body.program(system, rows.len(), colliders).map_err(LearnError::Mismatch)?;
