@@ -39,8 +39,8 @@ pub(super) struct Judge {
 /// What it trains on, and validates with.
 pub(super) enum Sets {
     Windows([Arc<Windows>; 2]),
-    Cable(Course<Cable>),
-    Robot(Course<Robot>),
+    Cable(Box<Course<Cable>>),
+    Robot(Box<Course<Robot>>),
 }
 
 /// Motions that a run before has read or recorded: those of a recipe have mostly the same.
@@ -121,11 +121,14 @@ impl Data {
                 let normalizer = parent.as_ref().map_or(own, |p| p.normalizer.clone());
                 let scale = ChainSolver::scale(&normalizer).map_err(Error::Refused)?;
                 let body = Cable { loss: Loss::new(&scale, velocity, frames), chain, scale };
-                (normalizer, Sets::Cable(Course { body, train: motions.clone(), validation: validation.clone(), frames }))
+                (normalizer, Sets::Cable(Box::new(Course { body, train: motions.clone(), validation: validation.clone(), frames })))
             }
             (_, Some(parent)) => {
                 let body = Robot::new(system, plan.base, &parent.normalizer, &motions);
-                (parent.normalizer.clone(), Sets::Robot(Course { body, train: motions.clone(), validation: validation.clone(), frames }))
+                (
+                    parent.normalizer.clone(),
+                    Sets::Robot(Box::new(Course { body, train: motions.clone(), validation: validation.clone(), frames })),
+                )
             }
             (_, None) => refuse!("--sequence {frames}: rollouts want a model that knows single frames: give it with --from"),
         };

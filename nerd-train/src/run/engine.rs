@@ -28,8 +28,8 @@ pub(super) fn engine(plan: &Plan, ranks: &Arc<Ranks>, state: LearnerState, sets:
             // A card wants all windows at once.
             Box::new(if device == Device::Wgpu { made.shards(learner.batch, 1) } else { made })
         }
-        (_, Sets::Cable(course)) => unrolled(plan, ranks, state, course)?,
-        (_, Sets::Robot(course)) => unrolled(plan, ranks, state, course)?,
+        (_, Sets::Cable(course)) => unrolled(plan, ranks, state, *course)?,
+        (_, Sets::Robot(course)) => unrolled(plan, ranks, state, *course)?,
         #[cfg(feature = "cuda")]
         (Device::Cuda, Sets::Windows([train, validation])) => {
             Box::new(CudaLearner::new(ranks, learner, precision(plan), state, [&train, &validation])?)

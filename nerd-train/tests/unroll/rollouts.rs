@@ -118,7 +118,7 @@ fn scenes_are_drawn_again_from_the_seed() {
 fn passed(case: &Case, weights: &Weights, frames: usize) -> (f64, Vec<f32>) {
     let (course, network) = (course(case, frames), Loaded::new(weights.config.program(), &weights.flat));
     let unroll = Unroll { course: &course, network: &network };
-    let begin = |k: usize| unroll.begin(Place { motion: k, frame: k, view: View::new(k as f64, k % 2 == 0) });
+    let begin = |k: usize| unroll.begin(Place { motion: k, frame: k, view: View::new(k as f64, k.is_multiple_of(2)) });
     let mut rollouts: Vec<Rollout<Cable>> = (0..12).map(begin).collect();
     unroll.pass(&mut rollouts, 1.0 / 12.0, &mut Vec::<Memory>::new())
 }
