@@ -106,7 +106,6 @@ fn the_summary_names_the_largest_of_a_robots_grounds_and_two_measurements_agree_
             error: vec![error, error],
             standard_error: vec![0.0; 2],
             hold: vec![1.0; 2],
-            glide: vec![1.0; 2],
             curve: vec![error],
             diverged: 0,
             first_divergence: None,

@@ -77,14 +77,13 @@ enum Line {
         lr: f64,
         windows_per_second: f64,
     },
+    /// `risen`: validations since the least loss, where it rises.
     Validation {
         step: u64,
         loss: f32,
         criterion: f64,
         best: bool,
-        /// Validations since the one with the least loss, where it rises.
-        #[serde(skip_serializing_if = "Option::is_none")]
-        rising: Option<usize>,
+        risen: Option<usize>,
     },
 }
 
@@ -190,7 +189,7 @@ impl Trainer {
         }
         lead.losses.push((step, loss));
         let risen = rise(&lead.losses);
-        lead.metrics.write(&Line::Validation { step, loss, criterion, best: better, rising: risen.map(|(count, _)| count) })?;
+        lead.metrics.write(&Line::Validation { step, loss, criterion, best: better, risen: risen.map(|(count, _)| count) })?;
         let star = if better { ", best so far" } else { "" };
         lead.bar.line(&format!("step {step}: validation loss {loss:.4e}, criterion {criterion:.4e}{star}"));
         if let Some((count, (first, least))) = risen {

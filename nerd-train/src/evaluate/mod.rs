@@ -2,8 +2,7 @@
 //! the reference system: starts as the robot is reset, mean over every step and every trajectory of the absolute
 //! difference, endless angles wrapped; a position law holds its target, elsewhere there is no torque).
 //!
-//! Each figure has two baselines without dynamics: `hold` repeats the start, `glide` continues at the start's velocity. A rollout that
-//! diverges is counted and stays in every mean.
+//! Each figure has a baseline without dynamics: `hold` repeats the start. A rollout that diverges is counted and stays in every mean.
 
 use std::fmt;
 use std::sync::Arc;
@@ -136,9 +135,8 @@ pub fn passive(
         if let Err(error) = solver.step(&mut learned, &torques[1]) {
             error.faults()?.iter().for_each(|fault| tally.fail(fault.env, step));
         }
-        let time = step as f64 * system.frame_time;
         for env in 0..n {
-            if !tally.add(env, step, time, [real.state(env), learned.state(env), first.state(env)]) {
+            if !tally.add(env, step, [real.state(env), learned.state(env), first.state(env)]) {
                 // Out of the way of overflow.
                 let held = first.state(env).to_vec();
                 learned.reset(env, &held);

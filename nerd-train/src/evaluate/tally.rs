@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use nerd_sim::instruments::glide;
 use nerd_sim::system::System;
 use serde::{Deserialize, Serialize};
 
@@ -22,8 +21,6 @@ pub struct PassiveReport {
     pub standard_error: Vec<f64>,
     /// The same mean for the predictor that repeats the start.
     pub hold: Vec<f64>,
-    /// The same mean for the predictor that keeps the start's velocity.
-    pub glide: Vec<f64>,
     /// Mean |difference| averaged over the quantities by step, from step 1.
     pub curve: Vec<f64>,
     /// Rollouts whose joints, turning or travel passed three times the truth's largest speed, or that left 1e5.
@@ -38,12 +35,11 @@ pub struct PassiveReport {
 
 /// What has been seen so far of `n` rollouts.
 pub(super) struct Tally {
-    system: Arc<System>,
     gaps: Gaps,
     n: usize,
     width: usize,
-    /// Sums of |difference| over steps, by trajectory and quantity: of the solver, of hold, of glide.
-    sums: [Vec<f64>; 3],
+    /// Sums of |difference| over steps, by trajectory and quantity: of the solver, of hold.
+    sums: [Vec<f64>; 2],
     /// |difference| of a rollout as it is, or, if it is gone, as it was when it went: it stays in the mean at that.
     last: Vec<f64>,
     /// Largest speeds: of the truth in any rollout, of the solver by rollout.
@@ -54,7 +50,6 @@ pub(super) struct Tally {
     failed: Vec<Option<usize>>,
     curve: Vec<f64>,
     gap: Vec<f64>,
-    glided: Vec<f64>,
 }
 
 impl Tally {
@@ -62,11 +57,10 @@ impl Tally {
         let width = quantities(system).len();
         let zeros = || vec![0.0; n * width];
         Self {
-            system: system.clone(),
             gaps: Gaps::new(system),
             n,
             width,
-            sums: [zeros(), zeros(), zeros()],
+            sums: [zeros(), zeros()],
             last: zeros(),
             fastest: [0.0; 3],
             speeds: vec![[0.0; 3]; n],
@@ -74,7 +68,6 @@ impl Tally {
             failed: vec![None; n],
             curve: Vec::new(),
             gap: vec![0.0; width],
-            glided: Vec::new(),
         }
     }
 
@@ -84,7 +77,7 @@ impl Tally {
     }
 
     /// Adds a step of a rollout, its states those of the truth, the solver and the start; whether it is still there.
-    pub(super) fn add(&mut self, env: usize, step: usize, time: f64, [real, learned, first]: [&[f64]; 3]) -> bool {
+    pub(super) fn add(&mut self, env: usize, step: usize, [real, learned, first]: [&[f64]; 3]) -> bool {
         let row = env * self.width..(env + 1) * self.width;
         if self.gone[env].is_none() {
             self.gaps.between(real, learned, &mut self.last[row.clone()]);
@@ -97,11 +90,6 @@ impl Tally {
         add(&mut self.sums[0], &self.last[row.clone()]);
         self.gaps.between(real, first, &mut self.gap);
         add(&mut self.sums[1], &self.gap);
-        self.glided.clear();
-        self.glided.extend_from_slice(first);
-        glide(&self.system, &mut self.glided, time);
-        self.gaps.between(real, &self.glided, &mut self.gap);
-        add(&mut self.sums[2], &self.gap);
         if self.gone[env].is_none() && learned.iter().any(|x| x.abs() > GONE) {
             self.gone[env] = Some(step);
         }
@@ -130,7 +118,6 @@ impl Tally {
             error: means(&self.sums[0]),
             standard_error: (0..self.width).map(spread).collect(),
             hold: means(&self.sums[1]),
-            glide: means(&self.sums[2]),
             diverged: (0..self.n).filter(away).count(),
             first_divergence: self.gone.iter().chain(&self.failed).flatten().min().copied(),
             failed: self.failed.iter().flatten().count(),

@@ -20,7 +20,7 @@ use crate::evaluate::{Action, PassiveConfig, horizon};
 use crate::learner::{LearnerConfig, LearnerState};
 use crate::records::rows;
 use crate::trainer::TrainerConfig;
-use crate::verdict::{Verdict, judges, verdict};
+use crate::verdict::{Verdict, verdict};
 
 /// Starts of the verdict on a new model.
 const JUDGED: usize = 16;
@@ -216,9 +216,6 @@ pub(super) fn export(plan: &Plan, run: &Identity, normalizer: Normalizer, weight
 fn verdict_on(plan: &Plan, folder: &Path, card: &str) -> Result<Option<Verdict>> {
     let Plan { system, config, .. } = plan;
     let model = Model::load(folder, system, None)?;
-    if !judges(&model) {
-        return Ok(None);
-    }
     let scenes = system.usual_scenes();
     let scene = scenes.iter().find(|s| **s != "free").unwrap_or(&scenes[0]);
     // An arm that holds its pose does not move.
@@ -226,7 +223,9 @@ fn verdict_on(plan: &Plan, folder: &Path, card: &str) -> Result<Option<Verdict>>
     let seed = config.record.seed.wrapping_add(2_000);
     let protocol = PassiveConfig { starts: JUDGED, steps: horizon(&system.name), seed, action };
     let verdict = verdict(system, &system.scene(scene)?, &model, protocol)?;
-    let path = folder.join("README.md");
-    nerd_sim::files::write(&path, format!("{card}\n## What it is worth\n\n{verdict}.\n").as_bytes()).map_err(Error::file(&path))?;
-    Ok(Some(verdict))
+    if let Some(verdict) = &verdict {
+        let path = folder.join("README.md");
+        nerd_sim::files::write(&path, format!("{card}\n## What it is worth\n\n{verdict}.\n").as_bytes()).map_err(Error::file(&path))?;
+    }
+    Ok(verdict)
 }

@@ -20,14 +20,11 @@ use crate::error::{Error, Result, refuse};
 use crate::evaluate::{PassiveConfig, passive, summary, summary_names};
 use crate::progress::bar;
 use crate::stats::mean;
-use linear::Normal;
 
 /// How many times a model's error that of its base alone, and of a linear map, has to be for the network to have earned its place.
 pub const WORTH: f64 = 5.0;
 /// Distance of the seed of the linear map's data from that of the starts.
 const ELSEWHERE: u64 = 7_000_003;
-/// Weights of the linear map's ridge: the one counts whose rollouts err least here.
-const RIDGES: [f64; 3] = [1e-6, 1e-3, 1e-1];
 /// Most substeps beside a truth that is not `articulated`.
 const MOST: usize = 64;
 
@@ -75,26 +72,22 @@ impl Row {
     }
 }
 
-/// Whether there is a verdict on a model of that kind: there is none on a network along a chain, which has no linear map.
-pub fn judges(model: &Model) -> bool {
-    model.config.network.architecture != Architecture::Chain
-}
-
-/// Judges a model in a scene, from the starts that an evaluation of this protocol has; progress goes to standard error.
+/// Judges a model in a scene, from the starts that an evaluation of this protocol has; progress goes to standard error. There is no verdict
+/// on a network along a chain, which has no linear map.
 ///
 /// # Errors
-/// If it is along a chain, or the truth cannot step.
-pub fn verdict(system: &Arc<System>, scene: &Arc<Scene>, model: &Model, protocol: PassiveConfig) -> Result<Verdict> {
-    if !judges(model) {
-        refuse!("there is no verdict on a model along a chain: it has no linear map to be compared with");
+/// If the truth cannot step.
+pub fn verdict(system: &Arc<System>, scene: &Arc<Scene>, model: &Model, protocol: PassiveConfig) -> Result<Option<Verdict>> {
+    if model.config.network.architecture == Architecture::Chain {
+        return Ok(None);
     }
     let truth = Truth::named(&model.config.truth).map_err(Error::Refused)?;
-    let normal = Normal::of(model, system, truth, protocol.seed.wrapping_add(ELSEWHERE))?;
+    let maps = linear::maps(model, system, truth, protocol.seed.wrapping_add(ELSEWHERE))?;
     let own = Setting::from(truth).articulated(system);
     let config = own.unwrap_or_else(|| ArticulatedConfig::accurate(system));
     let most = own.map_or(MOST, |own| own.substeps.max(own.contact_substeps));
     let counts: Vec<usize> = powers(most).chain((!most.is_power_of_two()).then_some(most)).collect();
-    let bar = bar("verdict: solvers", (3 + RIDGES.len() + counts.len()) as u64);
+    let bar = bar("verdict: solvers", (2 + maps.len() + counts.len()) as u64);
     let found = on_one_core(|| {
         let mut recorder = Recorder::new(truth.solver(system));
         passive(system, scene, &mut recorder, &mut Hold, protocol, &mut |_| ())?;
@@ -105,8 +98,8 @@ pub fn verdict(system: &Arc<System>, scene: &Arc<Scene>, model: &Model, protocol
         };
         let base = row(if model.config.base.moves() { "base alone" } else { "base alone (hold last)" }, linear::base(model, system))?;
         let own = row("model", learned(model.clone(), system)?)?;
-        let maps = RIDGES.iter().filter_map(|ridge| Some(linear::with(model, system, normal.solve(*ridge)?)));
-        let maps = maps.map(|solver| row("linear map", solver)).collect::<Result<Vec<_>>>()?;
+        let maps = maps.into_iter().map(|map| row("linear map", linear::with(model, system, map)));
+        let maps = maps.collect::<Result<Vec<_>>>()?;
         let Some(linear) = maps.into_iter().min_by(|a, b| a.mean().total_cmp(&b.mean())) else {
             refuse!("no linear map fits the motions of `{}`: one of the model's inputs is not a number", system.name);
         };
@@ -126,7 +119,7 @@ pub fn verdict(system: &Arc<System>, scene: &Arc<Scene>, model: &Model, protocol
         Ok::<_, Error>(Verdict { robot, scene, truth, protocol, quantities, model: own, base, linear, articulated })
     })?;
     bar.finish();
-    Ok(found)
+    Ok(Some(found))
 }
 
 impl Verdict {

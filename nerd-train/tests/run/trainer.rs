@@ -40,7 +40,7 @@ fn told(losses: &[f32], stop: usize) -> Vec<(u64, u64)> {
     }
     let text = std::fs::read_to_string(folder.path().join("metrics.jsonl")).expect("a record");
     let lines = text.lines().map(|line| serde_json::from_str::<serde_json::Value>(line).expect("JSON"));
-    lines.filter_map(|line| Some((line["step"].as_u64()?, line["rising"].as_u64()?))).collect()
+    lines.filter_map(|line| Some((line["step"].as_u64()?, line["risen"].as_u64()?))).collect()
 }
 
 #[test]

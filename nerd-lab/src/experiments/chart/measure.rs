@@ -20,8 +20,8 @@ pub(super) fn all(plan: &Plan, most: usize) -> Result<(ChartData, Frames)> {
     let mut truth = Recorder::new(exact(finest).solver(system)?);
     let base = passive(system, scene, &mut truth, &mut *exact(finest / 2).solver(system)?, *protocol, &mut |_| ())?;
     let truth = truth.frames;
-    let [reference_error, hold, glide] = [&base.error, &base.hold, &base.glide].map(|x| mean(x));
-    bounds::figures(&format!("{reference}: its mean error"), &[reference_error, hold, glide])?;
+    let [reference_error, hold] = [&base.error, &base.hold].map(|x| mean(x));
+    bounds::figures(&format!("{reference}: its mean error"), &[reference_error, hold])?;
     let mut points = Vec::new();
     for (k, (method, solver)) in methods.iter().zip(solvers).enumerate() {
         bar.set(k as u64 + 1);
@@ -47,7 +47,6 @@ pub(super) fn all(plan: &Plan, most: usize) -> Result<(ChartData, Frames)> {
         reference: format!("{reference}, {finest} substeps"),
         reference_error,
         hold,
-        glide,
         points,
         mujoco: None,
     };

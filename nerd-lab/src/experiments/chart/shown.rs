@@ -15,8 +15,6 @@ pub(super) struct ChartData {
     pub reference_error: f64,
     /// Error of the predictor that repeats the start.
     pub hold: f64,
-    /// Error of the one that keeps the start's velocity.
-    pub glide: f64,
     pub points: Vec<Point>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mujoco: Option<Against>,

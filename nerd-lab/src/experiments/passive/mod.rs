@@ -1,7 +1,7 @@
 //! Passive motion: how far solvers drift from the truth, and a model from its own.
 //!
 //! Mean over every step and every trajectory of the absolute difference by coordinate, from the robot's reset law, without
-//! torques; beside it the floors `hold` and `glide`, the paper's figure and the count of diverged rollouts. A paper-size
+//! torques; beside it the floor `hold`, the paper's figure and the count of diverged rollouts. A paper-size
 //! network takes some half a millisecond an environment-frame on two cores if it recomputes windows, a tenth of that if it
 //! streams. The truth against itself is 0 everywhere and is asked for by name, as `control`.
 
@@ -9,7 +9,7 @@ mod rows;
 mod worth;
 
 use nerd_sim::instruments::Shaken;
-use nerd_train::verdict::{Verdict, judges, verdict};
+use nerd_train::verdict::{Verdict, verdict};
 
 use crate::choice::Choice;
 use crate::paper;
@@ -176,7 +176,7 @@ impl Asked {
         let report = passive(system, scene, &mut *truth.solver(system), &mut *solver, *protocol, progress)?;
         let whose = |what: &str| format!("{method} on {} in {}: its {what}", system.name, scene.name);
         bounds::figures(&whose("error"), report.error.iter().chain(&report.standard_error).chain(&report.curve))?;
-        bounds::figures(&whose("hold-last or constant-velocity error"), report.hold.iter().chain(&report.glide))?;
+        bounds::figures(&whose("hold-last error"), &report.hold)?;
         let (robot, scene) = (system.name.clone(), scene.name.clone());
         // Only solvers' errors are compared, and the paper's errors are from the reference simulator.
         let paper = paper::passive_error(&robot, &scene).filter(|_| *truth == Truth::Paper && !case.asked.control);
@@ -189,11 +189,11 @@ impl Asked {
         let Self { case, system, scene, truth, protocol, .. } = self;
         let Choice::Neural { folder, .. } = &case.solver else { return Ok(None) };
         let model = Model::load(folder, system, None)?;
-        if case.asked.verdict == 0 || case.asked.shake > 0.0 || model.config.truth != truth.name() || !judges(&model) {
+        if case.asked.verdict == 0 || case.asked.shake > 0.0 || model.config.truth != truth.name() {
             return Ok(None);
         }
         let protocol = PassiveConfig { starts: protocol.starts.min(case.asked.verdict), ..*protocol };
-        Ok(Some(verdict(system, scene, &model, protocol)?))
+        Ok(verdict(system, scene, &model, protocol)?)
     }
 
     fn work(&self) -> usize {

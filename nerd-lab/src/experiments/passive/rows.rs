@@ -30,7 +30,7 @@ pub struct Row {
 
 impl Rows {
     pub fn table(&self) -> Table {
-        let errors = ["error (rad or m)", "standard error", "paper", "hold last", "constant velocity"];
+        let errors = ["error (rad or m)", "standard error", "paper", "hold last"];
         let header = [&["robot", "method", "scene", "starts x steps"], &errors[..], &["diverged"]].concat();
         let cells = self.rows.iter().map(|r| {
             let p = &r.report;
@@ -43,7 +43,6 @@ impl Rows {
                 r.shown(&p.standard_error),
                 or_dash(r.paper.as_deref().map(pair)),
                 r.shown(&p.hold),
-                r.shown(&p.glide),
                 p.diverged.to_string(),
             ]
         });
