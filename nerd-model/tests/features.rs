@@ -151,3 +151,44 @@ fn a_token_on_flight_sees_neither_place_nor_heading() {
         assert!(seen > 0, "{robot}: no point was near enough for its way to be seen; the test shows nothing");
     }
 }
+
+/// What a network that does the work alone may see: where the robot is and how fast, the geometry of its contacts, torques and gravity's
+/// direction. Of a robot with other masses, inertias, springs, dampings and materials all of it is the same, to the bit, and so is the
+/// state that follows a prediction.
+#[test]
+fn a_pure_model_sees_no_dynamics() {
+    for robot in ["cartpole", "pendulum", "cube", "franka", "ant", "anymal"] {
+        let own = system(robot);
+        let mut other = System::clone(&own);
+        for link in &mut other.robot.links {
+            link.inertia.mass *= 7.0;
+            link.inertia.com += Vector3::new(0.1, -0.2, 0.3);
+            link.inertia.inertia *= 3.0;
+            if let Some(joint) = &mut link.joint {
+                (joint.damping, joint.friction, joint.armature) = (joint.damping + 1.0, joint.friction + 1.0, joint.armature + 1.0);
+            }
+        }
+        other.spec.material.friction += 0.5;
+        other.spec.material.stiffness *= 2.0;
+        let (other, scene, mut data) = (Arc::new(other), own.usual_scenes()[0], Data::new(&own.robot));
+        let scene = own.scene(scene).expect("its own");
+        let mut weaker = Scene::clone(&scene);
+        weaker.gravity *= 0.5;
+        for base in [Base::State, Base::Trapezoid] {
+            let (mut features, mut others) = (Features::new(&own, base), Features::new(&other, base));
+            let torques: Vec<f64> = (0..own.robot.joint_count()).map(|k| k as f64).collect();
+            let change: Vec<f64> = (0..own.robot.state_dim()).map(|k| 0.1 + 0.01 * k as f64).collect();
+            let [mut token, mut same] = [0, 1].map(|_| vec![0.0f32; Features::inputs(&own, base)]);
+            let [mut next, mut then] = [0, 1].map(|_| vec![0.0; own.robot.state_dim()]);
+            for k in 0..20 {
+                let (state, mut events) = (start(&own, Start::Reset, &mut stream(11, k)), Vec::new());
+                contacts(&own.robot, &scene, &state, &mut data, &mut events);
+                features.token(&state, &state, &events, &torques, &scene.gravity, &mut token);
+                others.token(&state, &state, &events, &torques, &weaker.gravity, &mut same);
+                features.apply(&state, &state, &change, &mut next);
+                others.apply(&state, &state, &change, &mut then);
+                assert!(token == same && next == then, "{robot}, {base:?}: start {k} shows what it is made of");
+            }
+        }
+    }
+}

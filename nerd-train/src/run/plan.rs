@@ -108,7 +108,6 @@ impl RunConfig {
             (!recorded && self.fresh > 0, "--fresh records by itself: leave out --data"),
             (!recorded && !self.record.policy.is_empty(), "--policy records by itself: leave out --data"),
             (chain && self.stream, "--stream means nothing with --variant chain"),
-            (self.history == 1 && self.stream, "--stream means nothing with --history 1: a single token has no place in time"),
             (chain && self.base != BaseName::State, "--base means nothing with --variant chain"),
             (chain && self.fresh > 0, "--fresh means nothing with --variant chain"),
             (chain && self.epsilon.is_some(), "--epsilon means nothing with --variant chain"),
@@ -164,7 +163,9 @@ impl RunConfig {
             let paper = TransformerConfig::paper(Features::inputs(system, form), Features::outputs(system), embedding);
             let heads = (embedding / self.head_width.max(1)).max(1);
             match history {
-                1 => TransformerConfig { layers, heads: 1, history, block: 1, architecture: Architecture::Residual, ..paper },
+                1 if !self.stream => {
+                    TransformerConfig { layers, heads: 1, history, block: 1, architecture: Architecture::Residual, ..paper }
+                }
                 _ => TransformerConfig { layers, heads, history, block: self.block.max(history), ..paper },
             }
         };
@@ -184,7 +185,7 @@ impl RunConfig {
     pub fn unrolled(&self) -> Option<usize> {
         match self.sequence.unwrap_or(1) {
             frames if self.variant == Variant::Chain => Some(frames),
-            frames => (self.history == 1 && frames > 1).then_some(frames),
+            frames => (self.history == 1 && !self.stream && frames > 1).then_some(frames),
         }
     }
 
