@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use nalgebra::DMatrix;
-use nerd_model::features::Features;
+use nerd_model::base::Base;
 use nerd_model::folder::Model;
 use nerd_model::neural::Neural;
 use nerd_model::normalizer::{Moments, Normalizer};
@@ -77,15 +77,17 @@ pub(super) fn with(model: &Model, system: &Arc<System>, map: Linear) -> Box<dyn 
     Box::new(Neural::new(model.clone(), system, Box::new(map)))
 }
 
-/// What a model's predictions are added to, alone: where that is the state, nothing moves.
+/// What a model's predictions are added to, alone: where that is the state, nothing moves; by the trapezoid rule all go on as they do.
 pub(super) fn base(model: &Model, system: &Arc<System>) -> Box<dyn Solver> {
-    if !model.config.base.moves() {
+    if matches!(model.config.base, Base::State | Base::Nothing) {
         return Box::new(Hold);
     }
-    let (inputs, outputs, state) = (model.config.network.inputs, model.config.network.outputs, system.default_state());
-    let mut nothing = vec![0.0f32; outputs];
-    Features::new(system, model.config.form()).target(&state, &state, &state, &mut nothing);
-    let mean = nothing.into_iter().map(f64::from).collect();
+    let (inputs, outputs) = (model.config.network.inputs, model.config.network.outputs);
+    let mut mean = vec![0.0; outputs];
+    if system.robot.floating() {
+        // No turn, as a quaternion.
+        mean[6] = 1.0;
+    }
     let moments = Moments { mean, ..Moments::identity(outputs) };
     let normalizer = Normalizer { inputs: model.normalizer.inputs.clone(), outputs: moments };
     with(&Model { normalizer, ..model.clone() }, system, Linear { outputs, weights: vec![0.0; (inputs + 1) * outputs] })

@@ -8,6 +8,7 @@ mod words;
 
 use std::sync::Arc;
 
+use nerd_model::base::Base;
 use nerd_model::folder::Model;
 use nerd_model::pick::{Setting, learned};
 use nerd_model::transformer::Architecture;
@@ -96,7 +97,12 @@ pub fn verdict(system: &Arc<System>, scene: &Arc<Scene>, model: &Model, protocol
             let (report, microseconds) = timed((system, scene), solver, &recorder.frames, protocol)?;
             Ok(Row { of: of.into(), errors: summary(system, &report.error), microseconds, diverged: report.diverged })
         };
-        let base = row(if model.config.base.moves() { "base alone" } else { "base alone (hold last)" }, linear::base(model, system))?;
+        let name = match model.config.base {
+            Base::State | Base::Nothing => "base alone (hold last)",
+            Base::Trapezoid => "base alone (constant velocity)",
+            _ => "base alone",
+        };
+        let base = row(name, linear::base(model, system))?;
         let own = row("model", learned(model.clone(), system)?)?;
         let maps = maps.into_iter().map(|map| row("linear map", linear::with(model, system, map)));
         let maps = maps.collect::<Result<Vec<_>>>()?;
