@@ -13,8 +13,8 @@
 //! not with the place), which vertex of a hull and which place of a rim is deepest, and which contacts are near enough to be seen.
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
-use nerd_core::contact::ContactEvent;
-use nerd_core::dynamics::{Data, kinematics};
+use nerd_core::contact::{ContactEvent, Locus};
+use nerd_core::dynamics::{Data, kinematics, point_position};
 use nerd_core::robot::Robot;
 use nerd_core::spatial::Wrench;
 use nerd_core::state::{quaternion, vector};
@@ -76,6 +76,12 @@ pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f32], data: &mut Data,
         let by_p1 = r * by_place;
         let force = by_p1 + event.normal * (f64::from(depths[k]) - event.normal.dot(&by_p1));
         loads[point.link] += Wrench::force_at(force, &(event.p0 - data.origin));
+        if let Locus::Rim { axis, .. } = &point.locus {
+            // The rim turns about its disc's axis, its deepest place does not.
+            let axis = data.rotation[point.link] * axis.as_ref();
+            let arm = event.p0 - point_position(data, point.link, &point.local);
+            loads[point.link].ang -= axis * axis.dot(&arm.cross(&force));
+        }
     }
     take(joints);
     turn += three(take(3), 0).cross(&r.tr_mul(&(gravity / gravity.norm().max(f64::MIN_POSITIVE))));

@@ -187,15 +187,14 @@ impl Trainer {
             lead.best = Some((step, criterion));
             Best { step, criterion, weights: learner.state()?.averaged() }.save(&self.folder, &self.run)?;
         }
-        lead.losses.push((step, loss));
+        lead.losses.extend(loss.is_finite().then_some((step, loss)));
         let risen = rise(&lead.losses);
         lead.metrics.write(&Line::Validation { step, loss, criterion, best: better, risen: risen.map(|(count, _)| count) })?;
         let star = if better { ", best so far" } else { "" };
         lead.bar.line(&format!("step {step}: validation loss {loss:.4e}, criterion {criterion:.4e}{star}"));
         if let Some((count, (first, least))) = risen {
             lead.bar.line(&format!(
-                "validation loss has risen for {count} validations since its least of {least:.4e} at step {first}: the model overfits; \
-                 more --transitions or --fresh help"
+                "validation loss rises: its least, {least:.4e} at step {first}, was {count} validations ago; more data helps against overfitting"
             ));
         }
         lead.logged.1 += paused.elapsed();
@@ -258,7 +257,7 @@ fn validations(folder: &Path) -> Vec<(u64, f32)> {
     lines.filter_map(validation).collect()
 }
 
-/// How many validations ago the loss was least, and that one, if it has risen since by more than noise and still rises.
+/// How many validations ago the loss was least, and that one, if it is more than noise above it and still rises.
 fn rise(losses: &[(u64, f32)]) -> Option<(usize, (u64, f32))> {
     let (least, best) = losses.iter().enumerate().min_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
     let [.., before, last] = losses else { return None };

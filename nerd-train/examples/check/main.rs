@@ -20,7 +20,7 @@ use with::{Checks, Outcome};
 type Part = (&'static str, fn(&mut Checks) -> Outcome);
 
 /// In order.
-const PARTS: [Part; 11] = [
+const PARTS: [Part; 12] = [
     ("operations", inference::operations),
     ("windows", inference::windows),
     ("streams", inference::streams),
@@ -28,6 +28,7 @@ const PARTS: [Part; 11] = [
     ("gradients", training::gradients),
     ("updates", training::updates),
     ("chains", training::chains),
+    ("robots", training::robots),
     ("ranks", training::ranks),
     ("solvers", solvers::solvers),
     ("policies", policies::policies),

@@ -1,18 +1,22 @@
-//! Gradients and updates, of windows and of chains, on one card and on several.
+//! Gradients and updates, of windows and through frames, on one card and on several.
 
 use std::path::Path;
 use std::sync::Arc;
 
+use nerd_model::base::Base;
 use nerd_model::chain::{Chain, ChainSolver};
+use nerd_model::features::Features;
 use nerd_model::folder::Model;
-use nerd_model::transformer::{Architecture, TransformerConfig};
+use nerd_model::transformer::{Architecture, TransformerConfig, Weights};
 use nerd_sim::dataset::GenerateConfig;
 use nerd_sim::prelude::*;
 use nerd_train::learner::cuda::{CudaLearner, Precision};
 use nerd_train::learner::{CpuLearner, Learner, LearnerConfig, LearnerState, Optimizer};
+use nerd_train::prepare::{generate, moments};
 use nerd_train::ranks::{Place, Ranks};
 use nerd_train::unroll::chain::{Cable, Loss, scales};
-use nerd_train::unroll::{Course, CudaUnrollLearner, Motions, UnrollLearner};
+use nerd_train::unroll::robot::Robot;
+use nerd_train::unroll::{Course, CudaUnrollLearner, Motions, OnCard, UnrollLearner};
 use nerd_train::windows::draw;
 
 use crate::with::{Checks, Outcome, apart, rivals, settings, shapes, share_of_way, weights, windows, worse};
@@ -73,25 +77,51 @@ pub fn updates(checks: &mut Checks) -> Outcome {
     Ok(())
 }
 
-/// Updates of a chain through eight frames have the CPU's losses.
+/// Updates of a cable through eight frames have the CPU's losses.
 pub fn chains(checks: &mut Checks) -> Outcome {
     let system = System::named("lead-pegs")?;
-    let record = GenerateConfig { transitions: 64 * 40, frames: 40, ..GenerateConfig::default() };
-    let solver = || -> Box<dyn Solver> { Box::new(Articulated::new(ArticulatedConfig::implicit(4, Friction::Coulomb))) };
-    let train = Arc::new(Motions::record(&system, &solver, &record, &|_| ())?);
+    let train = motions(&system)?;
     let (model, chain) = (Model::load(Path::new("models/lead-pegs"), &system, None)?, Chain::of(&system)?);
     let (scale, (_, velocity)) = (ChainSolver::scale(&model.normalizer)?, scales(&chain, &train));
     let body = Cable { chain, loss: Loss::new(&scale, velocity, 8), scale };
-    let course = Course { body, validation: train.clone(), train, frames: 8 };
-    let (config, state) = (LearnerConfig { average: 0.9, ..settings(24) }, LearnerState::new(model.weights));
+    unrolled(checks, &system, model.weights, Course { body, validation: train.clone(), train, frames: 8 })
+}
+
+/// The same of robots that are seen by one token.
+pub fn robots(checks: &mut Checks) -> Outcome {
+    for (robot, base) in [("pendulum", Base::State), ("ant", Base::Trapezoid)] {
+        let system = System::named(robot)?;
+        let (train, inputs) = (motions(&system)?, Features::inputs(&system, base));
+        let solver = || -> Box<dyn Solver> { Box::new(Articulated::new(ArticulatedConfig::implicit(4, Friction::Coulomb))) };
+        let windows = generate(&Ranks::default(), &system, &solver, &record(), (1, base.into()), &|_| ())?.windows;
+        let body = Robot::new(&system, base, &moments(&windows), &train);
+        let paper = TransformerConfig::paper(inputs, Features::outputs(&system), 48);
+        let network = TransformerConfig { layers: 2, heads: 1, block: 1, history: 1, architecture: Architecture::Residual, ..paper };
+        unrolled(checks, &system, weights(network), Course { body, validation: train.clone(), train, frames: 8 })?;
+    }
+    Ok(())
+}
+
+fn record() -> GenerateConfig {
+    GenerateConfig { transitions: 64 * 40, frames: 40, ..GenerateConfig::default() }
+}
+
+fn motions(system: &Arc<System>) -> Outcome<Arc<Motions>> {
+    let solver = || -> Box<dyn Solver> { Box::new(Articulated::new(ArticulatedConfig::implicit(4, Friction::Coulomb))) };
+    Ok(Arc::new(Motions::record(system, &solver, &record(), &|_| ())?))
+}
+
+fn unrolled<B: OnCard>(checks: &mut Checks, system: &Arc<System>, weights: Weights, course: Course<B>) -> Outcome {
+    let (config, state) = (LearnerConfig { average: 0.9, ..settings(24) }, LearnerState::new(weights));
     let mut here = UnrollLearner::new(config, state.clone(), course.clone())?;
-    let mut there = CudaUnrollLearner::new(&system, config, Precision::F32, state, course, &Ranks::default())?;
+    let mut there = CudaUnrollLearner::new(system, config, Precision::F32, state, course, &Ranks::default())?;
     for _ in 0..6 {
         here.update(1e-4)?;
         there.update(1e-4)?;
         let (a, b) = (here.progress()?, there.progress()?);
         let off = [b.loss / a.loss - 1.0, b.gradient_norm / a.gradient_norm - 1.0].map(f32::abs);
-        checks.demand(off[0] < 1e-3 && off[1] < 1e-2, format!("an update through 8 frames: loss {}, off by {off:?}", a.loss));
+        let what = format!("{}: an update through 8 frames: loss {}, off by {off:?}", system.name, a.loss);
+        checks.demand(off[0] < 1e-3 && off[1] < 1e-2, what);
     }
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! Training and validation data of a run: windows of tokens, or motions of a chain.
+//! Training and validation data of a run: windows of tokens, or motions of a chain or a robot.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -130,7 +130,7 @@ impl Data {
                     Sets::Robot(Box::new(Course { body, train: motions.clone(), validation: validation.clone(), frames })),
                 )
             }
-            (_, None) => refuse!("--sequence {frames}: rollouts want a model that knows single frames: give it with --from"),
+            (_, None) => refuse!("--sequence {frames}: a model to go on from is needed: --from"),
         };
         Ok(Self {
             sha256: motions.sha256.clone(),

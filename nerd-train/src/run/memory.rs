@@ -36,7 +36,7 @@ pub(super) fn check(config: &RunConfig, network: &TransformerConfig) -> Result<(
 pub(super) fn unrolled(network: &TransformerConfig, frames: usize) -> Result<()> {
     let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
     let row = 10 * network.layers * network.embedding + 2 * (network.embedding + network.inputs + network.outputs);
-    memory(&[("--sequence", frames), ("threads", threads), ("rods", ROLLOUTS * network.block)], 4 * row)
+    memory(&[("--sequence", frames), ("threads", threads), ("tokens of a thread", ROLLOUTS * network.block)], 4 * row)
 }
 
 /// Numbers that a forward and backward pass keeps of a token, about.

@@ -71,6 +71,7 @@ impl Plan {
             recording.transitions = recording.transitions.next_multiple_of(recording.frames * recording.shard_trajectories);
         }
         recording.check(&system)?;
+        let sequence = config.unrolled().unwrap_or(1).max(sequence);
         if config.data.is_none() && sequence > config.record.frames {
             refuse!("--frames {}: no sequence of {sequence} tokens fits in", config.record.frames);
         }
@@ -113,8 +114,16 @@ impl RunConfig {
             (chain && self.epsilon.is_some(), "--epsilon means nothing with --variant chain"),
             (chain && self.huber.is_some(), "--huber means nothing with --variant chain"),
             (
-                self.sequence.is_some() && !self.stream && !chain && self.history > 1,
-                "--sequence means nothing without --stream, --history 1 or --variant chain",
+                self.sequence.is_some_and(|frames| frames > 1) && !self.stream && !chain && !rolled,
+                "--sequence means nothing without --stream, --variant chain or NeRD with --history 1",
+            ),
+            (
+                rolled && self.from.is_none(),
+                "--sequence with --history 1 goes on from a model that knows single frames: give it with --from",
+            ),
+            (
+                (chain || rolled) && !matches!(self.device, Device::Cpu | Device::Cuda),
+                "--device: through many frames cpu and cuda train, no other",
             ),
             (
                 rolled && !matches!(self.base, BaseName::State | BaseName::Trapezoid),
@@ -185,7 +194,7 @@ impl RunConfig {
     pub fn unrolled(&self) -> Option<usize> {
         match self.sequence.unwrap_or(1) {
             frames if self.variant == Variant::Chain => Some(frames),
-            frames => (self.history == 1 && !self.stream && frames > 1).then_some(frames),
+            frames => (self.variant.usual() && self.history == 1 && !self.stream && frames > 1).then_some(frames),
         }
     }
 
@@ -218,7 +227,8 @@ impl RunConfig {
 /// The model that a run starts from. It may have learned another truth: most of what it knows holds in this one, too.
 fn parent(folder: &Path, system: &System, network: TransformerConfig, form: Form) -> Result<Model> {
     let mut parent = Model::load(&shipped::find(folder), system, None)?;
-    let like = |form: Form| (form.view, form.base.flies(), form.base.moves());
+    // What predictions mean; which flight or draft they are added to may differ.
+    let like = |form: Form| (form.view, form.base.flies(), form.base.moves(), form.base == Base::Trapezoid, form.base == Base::Nothing);
     if network.positions == Positions::Rotary {
         // No weight depends on how long its training sequences were.
         parent.config.network.block = network.block;

@@ -54,7 +54,10 @@ impl<B: Body> UnrollLearner<B> {
     fn drawn(&mut self) -> Vec<Rollout<B>> {
         let (frames, total, config) = (self.course.frames, self.course.train.frames, self.optimiser.config);
         let draws = self.course.draws(config.seed, self.optimiser.state.step, self.ranks.part(config.batch));
-        let (before, unroll) = (std::mem::take(&mut self.rollouts), self.unroll());
+        let mut before = std::mem::take(&mut self.rollouts);
+        // After an update that failed none is left.
+        before.resize(draws.len(), None);
+        let unroll = self.unroll();
         let one = |(before, draw): (Option<Rollout<B>>, Draw<B::View>)| {
             let kept = before.filter(|r| !draw.anew && r.place.frame + frames <= total);
             kept.unwrap_or_else(|| unroll.begin(draw.place))

@@ -74,7 +74,7 @@ fn the_slope_of_a_rollout_is_that_of_differences() {
             let wanted = (moved(h) - moved(-h)) / (2.0 * h);
             let off = (size / wanted - 1.0).abs();
             println!("{robot}, {base:?}, {frames} frames: a slope of {size:.4}, by differences {wanted:.4}, off by {off:.1e}");
-            //A assert!(off < 2e-3, "{robot}, {base:?}, {frames} frames: a slope of {size:.4}, by differences {wanted:.4}, off by {off:.1e}");
+            assert!(off < 2e-3, "{robot}, {base:?}, {frames} frames: a slope of {size:.4}, by differences {wanted:.4}, off by {off:.1e}");
         }
     }
 }

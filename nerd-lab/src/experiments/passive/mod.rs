@@ -137,7 +137,11 @@ impl Passive {
         }
         bar.finish();
         for (asked, row) in self.asked.iter().zip(&mut rows) {
-            row.verdict = asked.verdict()?;
+            // The rows are worth keeping without it.
+            row.verdict = asked.verdict().unwrap_or_else(|error| {
+                nerd_train::tell!("{}: no verdict: {error:#}", asked.system.name);
+                None
+            });
         }
         Ok(Rows { rows })
     }

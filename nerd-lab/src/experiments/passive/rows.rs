@@ -61,9 +61,13 @@ impl Rows {
         let cells = verdicts.iter().flat_map(|v| v.cells().into_iter().map(|cells| [vec![place(v)], cells].concat()));
         let lines: Vec<String> = verdicts.iter().map(|v| format!("* {}: {}.", place(v), v.line())).collect();
         let note = format!(
-            "Error: {}, from the first {} starts; time and error are of the same steps on one core.\n\n{}",
+            "Error: {}, from {} starts; time and error are of the same steps on one core.\n\n{}",
             if verdicts.iter().all(|v| v.quantities == first.quantities) { first.quantities.join(" / ") } else { "as above".into() },
-            first.protocol.starts,
+            match verdicts.iter().map(|v| v.protocol.starts).collect::<std::collections::BTreeSet<_>>().into_iter().collect::<Vec<_>>()[..]
+            {
+                [starts] => format!("the first {starts}"),
+                _ => "the first".into(),
+            },
             lines.join("\n")
         );
         Some(Table::new("verdict", &[&["robot, scene"], &Verdict::HEADER[..]].concat()).with(cells).noted(&note))

@@ -1,5 +1,5 @@
-// Rollouts of chains and the gradient of their loss, as unroll.rs, view.rs and loss.rs have them, in 64 bits: a block a rollout, a thread a rod.
-// Beside what chain.cuh asks for, the host gives SHARE, BY_RATE, BY_SPEED and BY_LED[12], in which errors are counted, and ASTRAY.
+// Rollouts of chains and the gradient of their loss, as mod.rs, view.rs and loss.rs have them, in 64 bits: a block a rollout, a thread a rod.
+// Beside what nerd_model's chain.cuh asks for, the host gives SHARE, BY_RATE, BY_SPEED and BY_LED[12], in which errors are counted, and ASTRAY.
 
 #ifdef __CUDACC_RTC__
 #define EACH(k, n) for (int k = threadIdx.x; k < (n); k += blockDim.x)

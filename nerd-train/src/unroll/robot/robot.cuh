@@ -64,7 +64,7 @@ FN void join(const double* behind, int later, double* slope) {
     for (int i = 0; i < 2 * NV; i++) slope[i] += share * behind[i];
 }
 
-// The same by the change of the state.
+// From gradients by the change of the state.
 FN void change_back(const double* state, const float* said, const double* behind, double* by_change, double* slope) {
     double change[STATE];
     for (int k = 0; k < STATE; k++) change[k] = (double)said[k] * STRETCH[k] + SHIFT[k];
@@ -162,7 +162,13 @@ BIG void tell_back(const double* state, const double* scene, const float* by, do
         // The nearest place follows the point along the surface.
         const V3 by_p1 = r * by_place, force = by_p1 + e.normal * (by[depth] / SCALE[depth] - dot(e.normal, by_p1));
         const int link = POINT_LINK[p];
-        load[link] = load[link] + wrench(cross(LOCI && LOCUS[p] ? facing(t, p, e.normal, true) : e.p0, force), force);
+        const V3 place = LOCI && LOCUS[p] ? facing(t, p, e.normal, true) : e.p0;
+        load[link] = load[link] + wrench(cross(place, force), force);
+        if (LOCI && LOCUS[p] == 1) {
+            // The rim turns about its disc's axis, its deepest place does not.
+            const V3 axis = t.rotation[link] * read3(RIM + 6 * p);
+            load[link].ang = load[link].ang - axis * dot(axis, cross(place - middle(t, p), force));
+        }
     }
     const V3 g = v3(scene[0], scene[1], scene[2]);
     const double length = norm(g);

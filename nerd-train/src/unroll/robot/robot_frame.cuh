@@ -24,7 +24,7 @@ FN void advance(const double* state, const float* said, double* after) {
     if (apply(after, base, said)) for (int k = 0; k < STATE; k++) after[k] = infinite() - infinite();
 }
 
-// What stands before a state, from the gradients by its prediction's and its token's numbers.
+// The gradient by a state, from that by the state after it and that by its token.
 FN void frame_back(const Rollout& r, const Motions& m, const double* state, const float* said, const float* by_token, const double* behind, double* slope) {
     double by_change[STATE];
     for (int i = 0; i < 2 * NV; i++) slope[i] = 0;
