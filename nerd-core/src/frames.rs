@@ -17,6 +17,13 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use crate::robot::Robot;
 use crate::state::{quaternion, vector, write_quaternion};
 
+/// Velocity of a floating root in its own axes: angular (rad/s), and of its origin (m/s).
+pub fn own_velocity(state: &[f64], nq: usize) -> [Vector3<f64>; 2] {
+    let (x, r) = (vector(&state[..3]), quaternion(&state[3..7]));
+    let (w, v) = (vector(&state[nq..]), vector(&state[nq + 3..]));
+    [r.inverse_transform_vector(&w), r.inverse_transform_vector(&(v - x.cross(&w)))]
+}
+
 /// The frame B: where the root is.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RootFrame {

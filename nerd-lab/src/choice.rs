@@ -115,7 +115,8 @@ pub fn describe(model: &ModelConfig) -> String {
         Base::Flight | Base::ExactFlight => "on flight".into(),
         Base::Draft(n) => format!("on a draft x{n}"),
         Base::State | Base::Nothing if model.network.architecture == Architecture::Chain => "along the chain".into(),
-        Base::State | Base::Trapezoid | Base::Nothing => "paper's form".to_string(),
+        Base::Trapezoid => "on the trapezoid".into(),
+        Base::State | Base::Nothing => "paper's form".to_string(),
     };
     format!("NeRD {form}, {:.2} M", model.network.parameters() as f64 / 1e6)
 }

@@ -15,18 +15,12 @@
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use nerd_core::contact::{ContactEvent, Locus};
 use nerd_core::dynamics::{Data, kinematics, point_position};
+use nerd_core::frames::own_velocity;
 use nerd_core::robot::Robot;
 use nerd_core::spatial::Wrench;
-use nerd_core::state::{quaternion, vector};
+use nerd_core::state::vector;
 
 use crate::features::Features;
-
-/// Velocity of a free root in its own axes, `(a, b)`.
-pub fn own_velocity(state: &[f64], nq: usize) -> [Vector3<f64>; 2] {
-    let (x, r) = (vector(&state[..3]), quaternion(&state[3..7]));
-    let (w, v) = (vector(&state[nq..]), vector(&state[nq + 3..]));
-    [r.inverse_transform_vector(&w), r.inverse_transform_vector(&(v - x.cross(&w)))]
-}
 
 /// What a token is made of.
 pub struct Seen<'a> {

@@ -5,10 +5,9 @@
 //! go with velocities, and what is left to learn of them is what contact does within the frame.
 
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nerd_core::frames::own_velocity;
 use nerd_core::robot::Robot;
 use nerd_core::state::vector;
-
-use crate::slopes::own_velocity;
 
 /// The turn (rotation vector) and way of a free root at the mean velocities, in its own axes.
 fn carried(robot: &Robot, time: f64, state: &[f64], change: &[f64]) -> [Vector3<f64>; 2] {

@@ -57,6 +57,9 @@ impl Artifact {
 /// Refuses to replace a result by a weaker one: by one with less effort behind it, or, in the project's own folder, a clean one by
 /// one of a checkout whose files were changed. To be asked before anything is measured.
 pub fn may_write(folder: &Path, name: &str, provenance: &Provenance, effort: f64) -> Result<()> {
+    if name.is_empty() || name.starts_with('.') || name.contains(['/', '\\']) {
+        bail!("--name `{name}`: a result's folder is named by letters and digits; --out says where it is");
+    }
     let Ok(there) = Artifact::read(folder, name) else { return Ok(()) };
     let path = file(folder, name);
     if effort < there.effort {

@@ -12,6 +12,9 @@ use crate::error::Result;
 use crate::evaluate::{Action, PassiveConfig, horizon, passive};
 use crate::unroll::chain::distance;
 
+/// Counted for a share of rollouts that diverge (rad or m).
+const ASTRAY: f64 = 1e3;
+
 /// Mean error over the paper's horizon: in free space and, where there is one, on the first ground; of a model on flight, on
 /// all grounds. Of a chain that of its nodes (m) along motions like those it learns from. Infinite if a rollout failed.
 pub(super) fn rollout_error(plan: &Plan, identity: &Identity, judge: &Judge, weights: Weights) -> Result<f64> {
@@ -38,7 +41,8 @@ pub(super) fn rollout_error(plan: &Plan, identity: &Identity, judge: &Judge, wei
             // Where they stood when they failed says nothing of how far they would have gone.
             return Ok(f64::INFINITY);
         }
-        total += report.error.iter().sum::<f64>() / report.error.len() as f64;
+        // What diverged ranks behind all that did not, however its error was frozen.
+        total += report.error.iter().sum::<f64>() / report.error.len() as f64 + ASTRAY * report.diverged as f64 / starts as f64;
     }
     Ok(total / scenes.len() as f64)
 }

@@ -29,7 +29,9 @@ impl Verdict {
             Some(row) if row.microseconds <= model.microseconds => {
                 format!("use the solver: {} errs no more and takes {} us where the model takes {own}", row.of, digits(row.microseconds))
             }
-            _ if base.mean() <= model.mean() || linear.mean() <= model.mean() => "the network adds nothing".into(),
+            _ if model.diverged > 0 => format!("use the solver: {} rollouts of the model diverged", model.diverged),
+            _ if base.mean() <= model.mean() || linear.mean() <= model.mean() => "use the solver: the network adds nothing".into(),
+            _ if self.shortfall().is_some() => "use the solver: the network adds too little".into(),
             Some(row) => {
                 format!("use the network: {} errs no more but takes {} us where the model takes {own}", row.of, digits(row.microseconds))
             }

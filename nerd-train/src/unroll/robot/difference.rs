@@ -1,9 +1,9 @@
 //! How far states lie apart, in the tangent space of the first, and its way back.
 
 use nalgebra::Vector3;
+use nerd_core::frames::own_velocity;
 use nerd_core::robot::Robot;
 use nerd_core::state::{quaternion, vector, wrap};
-use nerd_model::slopes::own_velocity;
 
 /// How state `b` lies from `a`: `[pose, velocities]`, each as in `qd`; of a free root its turn (twice the vector part of `a^-1 b`, rad), its
 /// way (m), and its velocities in its own axes.
