@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::evaluate::{Action, PassiveConfig, horizon, passive};
 use crate::unroll::chain::distance;
 
-/// Counted for a share of rollouts that diverge (rad or m).
+/// Counted where a rollout is gone (rad or m): such weights rank behind all others.
 const ASTRAY: f64 = 1e3;
 
 /// Mean error over the paper's horizon: in free space and, where there is one, on the first ground; of a model on flight, on
@@ -41,8 +41,9 @@ pub(super) fn rollout_error(plan: &Plan, identity: &Identity, judge: &Judge, wei
             // Where they stood when they failed says nothing of how far they would have gone.
             return Ok(f64::INFINITY);
         }
-        // What diverged ranks behind all that did not, however its error was frozen.
-        total += report.error.iter().sum::<f64>() / report.error.len() as f64 + ASTRAY * report.diverged as f64 / starts as f64;
+        // Where a rollout left all reasonable numbers its error was frozen, which may have been lucky.
+        let gone = if report.first_divergence.is_some() { ASTRAY } else { 0.0 };
+        total += report.error.iter().sum::<f64>() / report.error.len() as f64 + gone;
     }
     Ok(total / scenes.len() as f64)
 }
