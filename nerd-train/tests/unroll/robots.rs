@@ -18,7 +18,7 @@ use nerd_train::unroll::robot::Robot;
 use nerd_train::unroll::{Body, Course, Motions, OnCard, Place, Rollout, Unroll, UnrollLearner};
 
 use crate::cpp;
-use crate::kernels::{apart, some, worse};
+use crate::kernels::{Output, apart, some, worse};
 
 /// The larger part of robots adds to the state, as the paper does; the others' positions go with their velocities.
 const ROBOTS: [(&str, Base); 8] = [
@@ -159,16 +159,10 @@ fn kernels_roll_out_and_back_as_the_cpu_does() {
         input.extend(outputs.iter().chain(&by_tokens).flat_map(|x| x.to_le_bytes()));
         input.extend(upstreams.iter().flat_map(|x| x.to_le_bytes()));
         let output = compiler.run(&body.program(&system, ROLLOUTS, colliders).expect("it has kernels"), input);
-        let mut at = 0;
-        let mut next = |count: usize, bytes: usize| {
-            at += count * bytes;
-            &output[at - count * bytes..at]
-        };
-        let doubles = |bytes: &[u8]| bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect::<Vec<_>>();
-        let floats = |bytes: &[u8]| bytes.as_chunks::<4>().0.iter().map(|b| f64::from(f32::from_le_bytes(*b))).collect::<Vec<_>>();
-        let after = doubles(next(ROLLOUTS * d, 8));
-        let (tokens, judged) = (floats(next(ROLLOUTS * padded(inputs), 4)), doubles(next(2 * ROLLOUTS, 8)));
-        let (slopes, by_outputs, fronts) = (doubles(next(ROLLOUTS * n, 8)), floats(next(ROLLOUTS * d, 4)), doubles(next(ROLLOUTS * n, 8)));
+        let mut output = Output { bytes: &output };
+        let after = output.doubles(ROLLOUTS * d);
+        let (tokens, judged) = (output.floats(ROLLOUTS * padded(inputs)), output.doubles(2 * ROLLOUTS));
+        let (slopes, by_outputs, fronts) = (output.doubles(ROLLOUTS * n), output.floats(ROLLOUTS * d), output.doubles(ROLLOUTS * n));
 
         let (mut worst, mut scratch) = ([0.0f64; 6], body.memory());
         for i in 0..ROLLOUTS {
@@ -198,6 +192,6 @@ fn kernels_roll_out_and_back_as_the_cpu_does() {
         println!("{robot}, {base:?}: after, tokens, loss, its slopes, by outputs, by the state: {worst:?} off");
         let exact = [worst[0], worst[2], worst[3], worst[5]].into_iter().fold(0.0, f64::max);
         assert!(exact < 1e-8 && worst[1].max(worst[4]) < 1e-6, "{robot}, {base:?}: {worst:?}");
-        assert_eq!(at, output.len());
+        assert!(output.bytes.is_empty());
     }
 }

@@ -204,14 +204,6 @@ FN void frame_back(const double* chain, const double* glided, const float* numbe
     SYNC;
 }
 
-// `weight p(e / unit)`, and its gradient.
-FN double bent(double e, double unit, double weight, double& slope) {
-    e /= unit;
-    const double length = sqrt(1 + e * e);
-    slope = weight * e / (length * unit);
-    return weight * (length - 1);
-}
-
 // The loss of the k-th frame, k from 1; its gradients are added to `slope`. Of `ends` and `true_ends` nothing is left.
 FN double loss(const double* after, const double* wanted, double* ends, double* true_ends, int k, double weight, double* slope) {
     OF_BLOCK double parts[RODS + 1];

@@ -100,25 +100,16 @@ KERNEL unroll_end(const Rollout* rollouts, const double* truths, const double* t
     EACH(one, 1) nears[blockIdx.x] = so;
 }
 #else
-#include <cstdio>
-#include <cstdlib>
-#include <vector>
-template <class T> std::vector<T> take(long long n) {
-    std::vector<T> all(n);
-    if (std::fread(all.data(), sizeof(T), n, stdin) != (size_t)n) std::exit(1);
-    return all;
-}
-template <class T> void give(const std::vector<T>& all) { std::fwrite(all.data(), sizeof(T), all.size(), stdout); }
 // From standard input n rollouts, motions and their frames, and which frame it is; rollouts, recorded states, torques, scenes; outputs,
 // and gradients by tokens and by later chains. To standard output chains before and after, tokens, by rollout the loss and whether it is near;
 // gradients of the loss joined by the upstream ones, by outputs, and by chains before.
 int main() {
-    const auto head = take<int>(4);
+    const auto head = read_all<int>(4);
     const int n = head[0], motions = head[1], frames = head[2], k = head[3];
-    const auto rollouts = take<double>(7 * n), states = take<double>((long long)motions * (frames + 1) * STATE);
-    const auto torques = take<double>((long long)motions * frames * 6), scenes = take<double>(motions * SCENE);
-    const auto said = take<float>(n * RODS * OUTPUTS), by_tokens = take<float>(n * RODS * INPUTS);
-    const auto behinds = take<double>(n * CHAIN);
+    const auto rollouts = read_all<double>(7 * n), states = read_all<double>((long long)motions * (frames + 1) * STATE);
+    const auto torques = read_all<double>((long long)motions * frames * 6), scenes = read_all<double>(motions * SCENE);
+    const auto said = read_all<float>(n * RODS * OUTPUTS), by_tokens = read_all<float>(n * RODS * INPUTS);
+    const auto behinds = read_all<double>(n * CHAIN);
     std::vector<double> slopes(n * CHAIN), truths(motions * (frames + 1) * CHAIN), before(n * CHAIN), after(n * CHAIN), wanted(CHAIN), out(2 * n);
     std::vector<double> fronts(n * CHAIN), glided(GRIPPER), ends(6 * RODS), others(6 * RODS), touches(4 * RODS);
     std::vector<float> tokens(n * RODS * LDX), by_said(n * RODS * OUTPUTS);
@@ -141,6 +132,6 @@ int main() {
         const float* row = by_tokens.data() + i * RODS * INPUTS;
         frame_back(chain, glided.data(), numbers, touches.data(), row, slope, ends.data(), fronts.data() + i * CHAIN);
     }
-    give(before), give(after), give(tokens), give(out), give(slopes), give(by_said), give(fronts);
+    write_all(before), write_all(after), write_all(tokens), write_all(out), write_all(slopes), write_all(by_said), write_all(fronts);
 }
 #endif

@@ -27,7 +27,7 @@ impl OnCard for Cable {
         }
         let led: Vec<String> = loss.gripper.iter().map(|x| format!("{x:e}")).collect();
         let _ = writeln!(text, "TABLE double BY_LED[] = {{{}}};", led.join(", "));
-        Ok(text + include_str!("chain.cuh") + include_str!("chain_frame.cuh"))
+        Ok(text + include_str!("../shared.cuh") + include_str!("chain.cuh") + include_str!("chain_frame.cuh"))
     }
 
     fn record(&self, system: &System, scene: &Scene, colliders: usize) -> Result<Vec<f64>, String> {

@@ -29,7 +29,7 @@ impl OnCard for Robot {
             let numbers: Vec<String> = numbers.iter().map(|x| format!("{x:e}")).collect();
             let _ = writeln!(text, "TABLE double {name}[] = {{{}}};", numbers.join(", "));
         }
-        Ok(text + include_str!("robot.cuh") + include_str!("robot_frame.cuh"))
+        Ok(text + include_str!("../shared.cuh") + include_str!("robot.cuh") + include_str!("robot_frame.cuh"))
     }
 
     fn record(&self, system: &System, scene: &Scene, colliders: usize) -> Result<Vec<f64>, String> {

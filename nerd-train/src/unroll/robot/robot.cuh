@@ -29,14 +29,6 @@ FN void difference(const double* a, const double* b, double* out) {
     put3(out + NV + 3, b1 - a1);
 }
 
-// `weight p(e / unit)`, and its gradient.
-FN double bent(double e, double unit, double weight, double& slope) {
-    e /= unit;
-    const double length = sqrt(1 + e * e);
-    slope = weight * e / (length * unit);
-    return weight * (length - 1);
-}
-
 // The loss of the k-th frame, k from 1; its gradient goes to `slope`.
 FN double loss(const double* predicted, const double* truth, int k, double weight, double* slope) {
     double error[2 * NV], total = 0;

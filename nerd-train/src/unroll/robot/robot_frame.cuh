@@ -99,15 +99,6 @@ KERNEL unroll_end(WORLD, const double* states, int through, int* nears) {
     nears[env] = near_to(states + ((long long)through * ROLLOUTS + env) * STATE, truth(r, m, through));
 }
 #else
-#include <cstdio>
-#include <cstdlib>
-#include <vector>
-template <class T> std::vector<T> read_all(long long n) {
-    std::vector<T> all(n);
-    if (std::fread(all.data(), sizeof(T), n, stdin) != (size_t)n) std::exit(1);
-    return all;
-}
-template <class T> void write_all(const std::vector<T>& all) { std::fwrite(all.data(), sizeof(T), all.size(), stdout); }
 // From standard input n rollouts, motions and their frames, and which frame it is; rollouts, recorded states, torques, scenes; outputs,
 // and gradients by tokens and by later states. To standard output states after, tokens, by rollout the loss and whether it is near;
 // gradients of the loss joined by the upstream ones, by outputs, and by states before.

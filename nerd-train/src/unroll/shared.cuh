@@ -1,0 +1,21 @@
+// What the kernels of all bodies share; and of their programs on the CPU, how numbers come in and go out.
+
+// `weight p(e / unit)`, and its gradient.
+FN double bent(double e, double unit, double weight, double& slope) {
+    e /= unit;
+    const double length = sqrt(1 + e * e);
+    slope = weight * e / (length * unit);
+    return weight * (length - 1);
+}
+
+#ifndef __CUDACC_RTC__
+#include <cstdio>
+#include <cstdlib>
+#include <vector>
+template <class T> std::vector<T> read_all(long long n) {
+    std::vector<T> all(n);
+    if (std::fread(all.data(), sizeof(T), n, stdin) != (size_t)n) std::exit(1);
+    return all;
+}
+template <class T> void write_all(const std::vector<T>& all) { std::fwrite(all.data(), sizeof(T), all.size(), stdout); }
+#endif
