@@ -14,8 +14,8 @@
 use std::sync::Arc;
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
-use nerd_core::contact::ContactEvent;
-use nerd_core::dynamics::{Data, kinematics, link_pose, point_position};
+use nerd_core::contact::{ContactEvent, ContactPoint};
+use nerd_core::dynamics::{Data, kinematics, link_pose, point_position, velocities};
 use nerd_core::frames::RootFrame;
 use nerd_core::robot::Robot;
 use nerd_core::state::{quaternion, wrap, wrap_state, write_quaternion};
@@ -54,7 +54,8 @@ impl Features {
         let Form { base, view, .. } = form.into();
         let drafted = if matches!(base, Base::Draft(_)) { system.robot.state_dim() } else { 0 };
         let plain = system.robot.state_dim() + system.robot.joint_count() + drafted;
-        let a_point = if base.moves() { 10 } else { 7 };
+        let a_point = if base.moves() || view == View::Moving { 10 } else { 7 };
+        let plain = plain + if view == View::Moving { system.robot.joints().filter(|joint| joint.wraps()).count() } else { 0 };
         if Self::situated(&system.robot) && view != View::Blind { plain + a_point * system.robot.contact_points.len() + 3 } else { plain }
     }
 
@@ -66,7 +67,7 @@ impl Features {
     /// Pose of the frame B of a state: the floating base, or the first moving link; or the world.
     fn frame(&mut self, state: &[f64]) -> RootFrame {
         let robot = &self.system.robot;
-        if self.form.view != View::Own {
+        if !self.form.view.own() {
             return world();
         }
         if robot.floating() {
@@ -92,18 +93,21 @@ impl Features {
         if !drafted.is_empty() {
             self.target(state, state, base, drafted);
         }
-        if !Self::situated(&self.system.robot) {
-            cast(state, &mut out[..d]);
-            cast(torques, &mut out[d..]);
-            return;
-        }
-        let frame = self.frame(state);
         let system = self.system.clone();
-        if self.form.base.moves() && self.form.view != View::Blind {
+        let situated = Self::situated(&system.robot);
+        let frame = if situated { self.frame(state) } else { world() };
+        if situated && self.form.view == View::Moving {
+            self.speeds(state, contacts);
+        } else if self.form.base.moves() && self.form.view != View::Blind {
             self.carry(state, base);
         }
-        frame.state_in(&system.robot, state, &mut self.near);
-        wrap_state(&system.robot, &mut self.near);
+        if situated {
+            frame.state_in(&system.robot, state, &mut self.near);
+            wrap_state(&system.robot, &mut self.near);
+        } else {
+            self.near.copy_from_slice(state);
+        }
+        let cosines = self.seamless();
         let mut rest = out;
         let mut put = |x: &[f64]| {
             let (now, later) = std::mem::take(&mut rest).split_at_mut(x.len());
@@ -111,8 +115,9 @@ impl Features {
             rest = later;
         };
         put(&self.near);
-        if self.form.view == View::Blind {
-            return put(torques);
+        if self.form.view == View::Blind || !situated {
+            put(torques);
+            return put(&cosines);
         }
         // The mask zeroes what the network sees, not the world: a zero event is not one at the frame's origin.
         let seen = |k: usize| contacts[k].distance < system.robot.contact_points[k].threshold();
@@ -130,6 +135,33 @@ impl Features {
         put(torques);
         let norm = gravity.norm();
         put((frame.direction(gravity) / if norm > 0.0 { norm } else { 1.0 }).as_slice());
+        put(&cosines);
+    }
+
+    /// Of angles that wrap, sines in their place in `near`, and the cosines.
+    fn seamless(&mut self) -> Vec<f64> {
+        let robot = &self.system.robot;
+        if self.form.view != View::Moving {
+            return Vec::new();
+        }
+        let wraps = robot.joints().enumerate().filter(|(_, joint)| joint.wraps());
+        let turn = |(i, _)| {
+            let (sin, cos) = f64::sin_cos(self.near[robot.root_coords() + i]);
+            self.near[robot.root_coords() + i] = sin;
+            cos
+        };
+        wraps.map(turn).collect()
+    }
+
+    /// How fast each contact point moves (m/s), world axes, into `ways`.
+    fn speeds(&mut self, state: &[f64], contacts: &[ContactEvent]) {
+        let (robot, data) = (&self.system.robot, &mut self.data);
+        let (q, qd) = robot.split(state);
+        kinematics(robot, q, data);
+        velocities(robot, &qd.to_local(robot, q).0, data);
+        let speed = |(event, point): (&ContactEvent, &ContactPoint)| data.velocity[point.link].at(&(event.p0 - data.origin));
+        self.ways.clear();
+        self.ways.extend(contacts.iter().zip(&robot.contact_points).map(speed));
     }
 
     /// How far each contact point travels from `state` to `base`, world axes, into `ways`.
@@ -145,7 +177,7 @@ impl Features {
 
     /// The frame in which changes are taken: a floating root's own, elsewhere the world, since joints have no other.
     fn place(&self, state: &[f64]) -> RootFrame {
-        if self.system.robot.floating() && self.form.view == View::Own { RootFrame::of(state) } else { world() }
+        if self.system.robot.floating() && self.form.view.own() { RootFrame::of(state) } else { world() }
     }
 
     /// Writes what a prediction is added to, seen from `frame`, into `near`: a base, or the state with only zeros in it.

@@ -12,6 +12,8 @@ pub enum View {
     /// The robot's own frame (paper A.1).
     #[default]
     Own,
+    /// The robot's own frame; angles that wrap enter as sine and cosine, contact points with their velocities.
+    Moving,
     /// World axes and origin, for states, contacts, gravity and targets alike: the paper's equation 1.
     World,
     /// World axes and origin, and nothing but state and torques: the paper's end-to-end baseline.
@@ -25,6 +27,13 @@ pub struct Form {
     pub base: Base,
     /// Where tokens are seen from.
     pub view: View,
+}
+
+impl View {
+    /// Whether all is seen from the robot's own frame.
+    pub fn own(self) -> bool {
+        matches!(self, Self::Own | Self::Moving)
+    }
 }
 
 impl From<Base> for Form {

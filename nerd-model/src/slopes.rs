@@ -14,13 +14,14 @@
 
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use nerd_core::contact::{ContactEvent, Locus};
-use nerd_core::dynamics::{Data, kinematics, point_position};
+use nerd_core::dynamics::{Data, kinematics, point_position, velocities};
 use nerd_core::frames::own_velocity;
 use nerd_core::robot::Robot;
-use nerd_core::spatial::Wrench;
+use nerd_core::spatial::{Motion, Wrench};
 use nerd_core::state::vector;
 
 use crate::features::Features;
+use crate::form::View;
 
 /// What a token is made of.
 pub struct Seen<'a> {
@@ -30,12 +31,15 @@ pub struct Seen<'a> {
     pub contacts: &'a [ContactEvent],
     /// Gravity (m/s^2).
     pub gravity: Vector3<f64>,
+    /// The robot's own, one of the two.
+    pub view: View,
 }
 
 /// Adds to `slope`, by the state, what [`Features::token`] makes of a gradient by its token. Views and bases other than the robot's own and
 /// the state have none.
 pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f32], data: &mut Data, slope: &mut [f64]) {
-    let Seen { state, contacts, gravity } = seen;
+    let Seen { state, contacts, gravity, view } = seen;
+    let moving = *view == View::Moving;
     let (nv, dofs, joints) = (robot.nv(), robot.root_dofs(), robot.joint_count());
     let mut rest = by_token;
     let mut take = |n: usize| {
@@ -43,21 +47,36 @@ pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f32], data: &mut Data,
         rest = later;
         now
     };
-    let add = |slope: &mut [f64], by: &[f32]| slope.iter_mut().zip(by).for_each(|(s, g)| *s += f64::from(*g));
     // The root is at its own origin.
     take(robot.root_coords());
-    add(&mut slope[dofs..nv], take(joints));
-    add(&mut slope[nv..], take(nv));
+    let by_angles = take(joints);
+    slope[nv..].iter_mut().zip(take(nv)).for_each(|(s, g)| *s += f64::from(*g));
+    let cosines = if moving { robot.joints().filter(|joint| joint.wraps()).count() } else { 0 };
+    let mut by_cosines = by_token[by_token.len() - cosines..].iter();
+    for (i, (joint, by)) in robot.joints().zip(by_angles).enumerate() {
+        let turn = if moving && joint.wraps() {
+            let (sin, cos) = state[robot.root_coords() + i].sin_cos();
+            f64::from(*by) * cos - f64::from(*by_cosines.next().expect("as many as wrap")) * sin
+        } else {
+            f64::from(*by)
+        };
+        slope[dofs + i] += turn;
+    }
     if !Features::situated(robot) {
         return;
     }
     kinematics(robot, state, data);
+    if moving {
+        let (q, qd) = robot.split(state);
+        velocities(robot, &qd.to_local(robot, q).0, data);
+    }
     let (r, o) = (data.rotation[0], data.origin + data.position[0]);
     let mut loads = vec![Wrench::default(); robot.links.len()];
     // By a turn of the frame, and a shift of it (own axes).
     let (mut turn, mut shift) = (Vector3::zeros(), Vector3::zeros());
     let count = contacts.len();
-    let [normals, places, depths] = [take(3 * count), take(3 * count), take(count)];
+    let [normals, places, depths, speeds] = [take(3 * count), take(3 * count), take(count), take(if moving { 3 * count } else { 0 })];
+    let mut impulses = vec![Wrench::default(); robot.links.len()];
     let three = |all: &[f32], k: usize| Vector3::new(all[3 * k], all[3 * k + 1], all[3 * k + 2]).map(f64::from);
     for (k, (event, point)) in contacts.iter().zip(&robot.contact_points).enumerate() {
         if event.distance >= point.threshold() {
@@ -66,6 +85,15 @@ pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f32], data: &mut Data,
         let (by_normal, by_place) = (three(normals, k), three(places, k));
         turn += by_normal.cross(&r.tr_mul(&event.normal)) + by_place.cross(&r.tr_mul(&(event.p1 - o)));
         shift -= by_place;
+        if moving {
+            let (at, by_speed) = (event.p0 - data.origin, three(speeds, k));
+            impulses[point.link] += Wrench::force_at(r * by_speed, &at);
+            quickened(robot, data, point.link, &at, &(r * by_speed), slope);
+            if !robot.floating() {
+                // A free root's own velocity turns with it.
+                turn += by_speed.cross(&r.tr_mul(&data.velocity[point.link].at(&at)));
+            }
+        }
         // The nearest place follows the point along the surface.
         let by_p1 = r * by_place;
         let force = by_p1 + event.normal * (f64::from(depths[k]) - event.normal.dot(&by_p1));
@@ -83,6 +111,23 @@ pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f32], data: &mut Data,
     loads[0] += Wrench::force_at(r * shift, &at);
     loads[0].ang += r * turn;
     carried(robot, data, &mut loads, slope);
+    carried(robot, data, &mut impulses, &mut slope[nv..]);
+}
+
+/// Adds what poses of the joints above a link do to the velocity of its point at `x`, along a direction: with `w` the spin of a joint's
+/// parent and `u` the velocity that the point has against it, `dv = w x (a x x + b) + a x u` along an axis `(a, b)`.
+fn quickened(robot: &Robot, data: &Data, link: usize, x: &Vector3<f64>, along: &Vector3<f64>, slope: &mut [f64]) {
+    let velocity = data.velocity[link].at(x);
+    let mut next = Some(link);
+    while let Some(i) = next {
+        next = robot.links[i].parent;
+        if robot.links[i].joint.is_none() {
+            break;
+        }
+        let parent = next.map_or(Motion::default(), |p| data.velocity[p]);
+        let way = parent.ang.cross(&data.axis[i].at(x)) + data.axis[i].ang.cross(&(velocity - parent.at(x)));
+        slope[data.dof[i]] += along.dot(&way);
+    }
 }
 
 /// Adds what wrenches on links, about the common origin, do along each degree of freedom of the pose.

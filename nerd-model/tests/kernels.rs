@@ -12,7 +12,7 @@ use nerd_model::base::Base;
 use nerd_model::chain::{Chain, ChainSolver, INPUTS, Look, OUTPUTS, chain_program};
 use nerd_model::device::{Products, padded, program, settings, whole_program};
 use nerd_model::folder::Model;
-use nerd_model::form::View;
+use nerd_model::form::{Form, View};
 use nerd_model::neural::Neural;
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
 use nerd_model::transformer::{Architecture, ForwardError, Positions, Stream, TransformerConfig, Weights};
@@ -96,14 +96,21 @@ fn kernels_tell_and_apply_as_the_solver_does() {
         ("cube", "ground", Base::State),
         ("ant", "ground", Base::Draft(4)),
         ("ant", "free", Base::Draft(2)),
+        ("ant", "ground", Base::State),
+        ("pendulum", "ground5", Base::State),
+        ("anymal", "ground", Base::State),
         ("anymal", "ground", Base::Draft(4)),
         // Springs, and whips that are cut.
         ("lead", "plane", Base::Draft(2)),
     ];
-    for (robot, scene, base) in table {
+    let each = |(robot, scene, base)| {
+        let views: &[View] = if base == Base::State { &[View::Own, View::Moving] } else { &[View::Own] };
+        views.iter().map(move |&view| (robot, scene, Form { base, view }))
+    };
+    for (robot, scene, form) in table.into_iter().flat_map(each) {
         let (system, n) = (System::named(robot).expect("built in"), 40);
         let (batch, torques) = fallen(&system, scene, n);
-        let mut model = placed(&system, base, Positions::Rotary);
+        let mut model = placed(&system, form, Positions::Rotary);
         // Nothing of a token is where it would be without its normaliser, and turns are near those that are none.
         model.normalizer.inputs.mean.iter_mut().enumerate().for_each(|(k, m)| *m = 0.1 * (k as f64).sin());
         if system.robot.floating() {
@@ -122,7 +129,7 @@ fn kernels_tell_and_apply_as_the_solver_does() {
             let shape = (n, model.config.network.inputs);
             let (tokens, states) = frame(&compiler, &text, &batch, &config, &torques, &predictions, shape);
             let (tokens, states) = (apart(&tokens, &noted.lock().expect("done")), apart(&states, &own.states));
-            println!("{name} {base:?}: tokens {tokens:.1e}, states {states:.1e} apart");
+            println!("{name} {form:?}: tokens {tokens:.1e}, states {states:.1e} apart");
             assert!(tokens < most[0] && states < most[1], "{name}: {tokens:e}, {states:e}");
         }
     }

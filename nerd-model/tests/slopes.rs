@@ -9,6 +9,7 @@ use nerd_core::frames::own_velocity;
 use nerd_core::state::{quaternion, vector, write_quaternion};
 use nerd_model::base::Base;
 use nerd_model::features::Features;
+use nerd_model::form::{Form, View};
 use nerd_model::slopes::{Seen, apply_back, token_back};
 use nerd_model::trapezoid;
 use nerd_sim::prelude::*;
@@ -79,11 +80,13 @@ const ROBOTS: [(&str, &str); 6] =
 
 #[test]
 fn a_gradient_by_a_token_comes_to_the_state_as_differences_say() {
-    for (robot, scene) in ROBOTS {
+    let views = [View::Own, View::Moving];
+    for ((robot, scene), view) in ROBOTS.into_iter().flat_map(|robot| views.map(|view| (robot, view))) {
+        let form = Form { base: Base::State, view };
         let system = System::named(robot).expect("built in");
         let scene = system.scene(scene).expect("built in");
-        let (mut features, mut data) = (Features::new(&system, Base::State), Data::new(&system.robot));
-        let inputs = Features::inputs(&system, Base::State);
+        let (mut features, mut data) = (Features::new(&system, form), Data::new(&system.robot));
+        let inputs = Features::inputs(&system, form);
         let (by_token, torques) = (some(inputs, 1.0), some(system.robot.joint_count(), 1.0));
         let (mut off, mut near) = (0.0f64, 0);
         for seed in 0..40 {
@@ -111,10 +114,10 @@ fn a_gradient_by_a_token_comes_to_the_state_as_differences_say() {
             }
             near += events.iter().zip(&system.robot.contact_points).filter(|(e, p)| e.distance < p.threshold()).count();
             let by: Vec<f32> = by_token.iter().map(|x| *x as f32).collect();
-            token_back(&system.robot, &Seen { state: &state, contacts: &events, gravity: scene.gravity }, &by, &mut data, &mut slope);
+            token_back(&system.robot, &Seen { state: &state, contacts: &events, gravity: scene.gravity, view }, &by, &mut data, &mut slope);
             off = worse(off, worst(&slope, &expected));
         }
-        println!("{robot}: {near} contacts, {off:.1e} of the largest slope off");
+        println!("{robot}, {view:?}: {near} contacts, {off:.1e} of the largest slope off");
         assert!(off < 2e-3, "{robot}: {off:.1e}");
         assert!(near > 0 || scene.colliders.is_empty(), "{robot} touches nothing");
     }
@@ -149,7 +152,13 @@ fn depths_of_discs_and_hulls_change_as_differences_say() {
         }
         near += 1;
         let mut slope = vec![0.0; 12];
-        token_back(&wheel.robot, &Seen { state: &state, contacts: &events, gravity: scene.gravity }, &by, &mut data, &mut slope);
+        token_back(
+            &wheel.robot,
+            &Seen { state: &state, contacts: &events, gravity: scene.gravity, view: View::Own },
+            &by,
+            &mut data,
+            &mut slope,
+        );
         off = worse(off, worst(&slope[..6], &expected));
     }
     assert!(near > 10 && off < 1e-5, "{near} starts near the ground: {off:.1e} of the largest slope off");

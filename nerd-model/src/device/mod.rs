@@ -26,7 +26,7 @@ pub fn settings(form: Form, system: &System) -> Result<(ArticulatedConfig, Reach
     let Form { base, view } = form;
     let refuse =
         |what: String| Err(format!("a model {what}, which has no kernel; step it with the network alone on the device, or on the CPU"));
-    if view != View::Own {
+    if !view.own() {
         return refuse(format!("whose view is {view:?}"));
     }
     let (settings, faced) = match base {
@@ -54,7 +54,13 @@ pub fn token_functions(form: Form, normalizer: &Normalizer, system: &Arc<System>
     let flag = |on: bool| usize::from(on);
     let situated = flag(Features::situated(robot));
     let drafted = flag(matches!(form.base, Base::Draft(_)));
-    for (name, n) in [("INPUTS", inputs), ("LDX", padded(inputs)), ("SITUATED", situated), ("DRAFTED", drafted)] {
+    for (name, n) in [
+        ("INPUTS", inputs),
+        ("LDX", padded(inputs)),
+        ("SITUATED", situated),
+        ("DRAFTED", drafted),
+        ("MOVING", flag(form.view == View::Moving)),
+    ] {
         let _ = writeln!(text, "#define {name} {n}");
     }
     let time = if form.base == Base::Trapezoid { system.frame_time } else { 0.0 };

@@ -73,7 +73,10 @@ BIG int tell(const double* state, const double* tau, const double* scene, double
         for (int k = 0; k < 6; k++) put(out, 0.0);
         put(out, 1.0);
     }
-    for (int i = 0; i < NJ; i++) put(out, SITUATED && WRAPS[i] ? wrapped(state[COORDS + i]) : state[COORDS + i]);
+    for (int i = 0; i < NJ; i++) {
+        const double q = state[COORDS + i];
+        put(out, MOVING && WRAPS[i] ? sin(q) : SITUATED && WRAPS[i] ? wrapped(q) : q);
+    }
     if (DOFS) {
         put(out, back(r, v3(t.qd[0], t.qd[1], t.qd[2])));
         put(out, back(r, v3(t.qd[3], t.qd[4], t.qd[5])));
@@ -84,6 +87,13 @@ BIG int tell(const double* state, const double* tau, const double* scene, double
     for (int p = 0; p < NP; p++) put(out, events[p].distance < SEEN[p] ? back(r, events[p].p1 - o) : none);
     for (int p = 0; p < NP; p++) put(out, events[p].distance < SEEN[p] ? events[p].distance : (real)0);
 
+    if (MOVING) {
+        if (NP) velocities(t, t.qd);
+        for (int p = 0; p < NP; p++) {
+            const bool seen = events[p].distance < SEEN[p];
+            put(out, seen ? back(r, at(t.velocity[POINT_LINK[p]], facing(t, p, events[p].normal, true))) : none);
+        }
+    }
     V3 moved_by = none;
     real local[NV];
     for (int k = 0; k < NV; k++) local[k] = t.qd[k];
@@ -112,6 +122,7 @@ BIG int tell(const double* state, const double* tau, const double* scene, double
         const real length = norm(g);
         put(out, back(r, g * (1 / (length > 0 ? length : 1))));
     }
+    for (int i = 0; i < NJ; i++) if (MOVING && WRAPS[i]) put(out, cos(state[COORDS + i]));
     if (DRAFTED) changes(out, t, state, local, r, moved_by);
     for (int k = INPUTS; k < LDX; k++) token[k] = 0;
     return give(t, base);

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use nerd_model::base::Base;
 use nerd_model::features::Features;
 use nerd_model::folder::{Model, ModelConfig};
+use nerd_model::form::Form;
 use nerd_model::normalizer::{Moments, Normalizer};
 use nerd_model::transformer::{Positions, TransformerConfig, Weights};
 use nerd_sim::prelude::*;
@@ -21,23 +22,25 @@ pub fn model(system: &Arc<System>, base: Base) -> Model {
 }
 
 /// The same with positions of either kind.
-pub fn placed(system: &Arc<System>, base: Base, positions: Positions) -> Model {
-    let (inputs, outputs) = (Features::inputs(system, base), Features::outputs(system));
+pub fn placed(system: &Arc<System>, form: impl Into<Form>, positions: Positions) -> Model {
+    let form = form.into();
+    let (inputs, outputs) = (Features::inputs(system, form), Features::outputs(system));
     let network =
         TransformerConfig { embedding: 24, layers: 2, heads: 4, block: 16, positions, ..TransformerConfig::paper(inputs, outputs, 192) };
     let unit = |n: usize, variance: f64| Moments { mean: vec![0.0; n], variance: vec![variance; n], epsilon: 1e-5 };
-    unlearned(system, base, network, Normalizer { inputs: unit(inputs, 4.0), outputs: unit(outputs, 0.01) })
+    unlearned(system, form, network, Normalizer { inputs: unit(inputs, 4.0), outputs: unit(outputs, 0.01) })
 }
 
 /// A model of random weights, three times as large as training begins with.
-pub fn unlearned(system: &System, base: Base, network: TransformerConfig, normalizer: Normalizer) -> Model {
+pub fn unlearned(system: &System, form: impl Into<Form>, network: TransformerConfig, normalizer: Normalizer) -> Model {
+    let Form { base, view } = form.into();
     let config = ModelConfig {
         robot: system.name.clone(),
         robot_sha256: system.robot_sha256(),
         model_sha256: String::new(),
         truth: Truth::default().name(),
         base,
-        view: Default::default(),
+        view,
         network,
         data_sha256: "none".into(),
         transitions: 0,

@@ -124,7 +124,7 @@ impl Data {
                 (normalizer, Sets::Cable(Box::new(Course { body, train: motions.clone(), validation: validation.clone(), frames })))
             }
             (_, Some(parent)) => {
-                let body = Robot::new(system, plan.base, &parent.normalizer, &motions);
+                let body = Robot::new(system, plan.form, &parent.normalizer, &motions);
                 (
                     parent.normalizer.clone(),
                     Sets::Robot(Box::new(Course { body, train: motions.clone(), validation: validation.clone(), frames })),

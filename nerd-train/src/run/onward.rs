@@ -2,7 +2,6 @@
 
 use nerd_model::base::Base;
 use nerd_model::folder::ModelConfig;
-use nerd_model::form::View;
 use nerd_model::transformer::{Architecture, Positions};
 
 use super::settings::{BaseName, RunConfig};
@@ -31,7 +30,7 @@ impl RunConfig {
             Base::Draft(n) => (BaseName::Draft, n),
             Base::Nothing => refuse!("the model predicts states; say with --recipe how it is trained on"),
         };
-        if !matches!(network.architecture, Architecture::Transformer | Architecture::Residual) || model.view != View::Own {
+        if !matches!(network.architecture, Architecture::Transformer | Architecture::Residual) || !model.view.own() {
             refuse!("the model is a chain or one of NeRD's rivals; say with --recipe how it is trained on");
         }
         (run.embedding, run.layers, run.history) = (network.embedding, network.layers, network.history);

@@ -15,6 +15,8 @@ pub enum Variant {
     /// The paper's design.
     #[default]
     Nerd,
+    /// With velocities of contact points and angles without a seam.
+    Moving,
     /// A perceptron of the present token alone.
     Mlp,
     /// Gated recurrent units in place of the Transformer.
@@ -37,7 +39,8 @@ pub enum Variant {
 
 impl Variant {
     /// Their names, as serde has them.
-    pub const WORDS: &[&str] = &["nerd", "mlp", "gru", "lstm", "end-to-end", "absolute", "world", "chain", "raw-inputs", "raw-outputs"];
+    pub const WORDS: &[&str] =
+        &["nerd", "moving", "mlp", "gru", "lstm", "end-to-end", "absolute", "world", "chain", "raw-inputs", "raw-outputs"];
 
     /// Whether it is NeRD itself.
     pub fn usual(&self) -> bool {
@@ -70,6 +73,7 @@ impl Variant {
             Self::EndToEnd => (Base::Nothing, View::Blind),
             Self::Absolute => (Base::Nothing, View::Own),
             Self::World => (base, View::World),
+            Self::Moving => (base, View::Moving),
             _ => (base, View::Own),
         };
         Form { base, view }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use nerd_model::base::Base;
 use nerd_model::device::padded;
 use nerd_model::features::Features;
-use nerd_model::form::Form;
+use nerd_model::form::{Form, View};
 use nerd_model::normalizer::Normalizer;
 use nerd_model::program::cpu::{Loaded, Memory};
 use nerd_model::transformer::{Architecture, TransformerConfig, Weights};
@@ -20,39 +20,45 @@ use nerd_train::unroll::{Body, Course, Motions, OnCard, Place, Rollout, Unroll, 
 use crate::cpp;
 use crate::kernels::{Output, apart, some, worse};
 
-/// The larger part of robots adds to the state, as the paper does; the others' positions go with their velocities.
-const ROBOTS: [(&str, Base); 8] = [
-    ("cartpole", Base::Trapezoid),
-    ("pendulum", Base::State),
-    ("cube", Base::State),
-    ("cube", Base::Trapezoid),
-    ("franka", Base::State),
-    ("ant", Base::State),
-    ("ant", Base::Trapezoid),
-    ("anymal", Base::Trapezoid),
+/// As the paper has it, with positions that go with their velocities, and with velocities of contact points.
+const ROBOTS: [(&str, Base, View); 11] = [
+    ("cartpole", Base::Trapezoid, View::Moving),
+    ("pendulum", Base::State, View::Own),
+    ("pendulum", Base::State, View::Moving),
+    ("cube", Base::State, View::Own),
+    ("cube", Base::Trapezoid, View::Moving),
+    ("franka", Base::State, View::Own),
+    ("franka", Base::State, View::Moving),
+    ("ant", Base::State, View::Own),
+    ("ant", Base::State, View::Moving),
+    ("ant", Base::Trapezoid, View::Moving),
+    ("anymal", Base::Trapezoid, View::Moving),
 ];
 
-fn case(robot: &str, base: Base) -> (Arc<System>, Arc<Motions>, Normalizer) {
+fn forms() -> impl Iterator<Item = (&'static str, Form)> {
+    ROBOTS.into_iter().map(|(robot, base, view)| (robot, Form { base, view }))
+}
+
+fn case(robot: &str, form: Form) -> (Arc<System>, Arc<Motions>, Normalizer) {
     let system = System::named(robot).expect("built in");
     let config = GenerateConfig { transitions: 24 * 40, frames: 40, seed: 3, resets: 0.5, ..GenerateConfig::default() };
     let solver = || -> Box<dyn Solver> { Box::new(Articulated::new(ArticulatedConfig::accurate(&system))) };
     let motions = Motions::record(&system, &solver, &config, &|_| ()).expect("motions");
-    let form = Form::from(base);
     let windows = generate(&Ranks::default(), &system, &solver, &config, (1, form), &|_| ()).expect("tokens").windows;
     (system, Arc::new(motions), moments(&windows))
 }
 
-fn weights(system: &System) -> Weights {
-    let paper = TransformerConfig::paper(Features::inputs(system, Base::State), Features::outputs(system), 24);
+fn weights(system: &System, form: Form) -> Weights {
+    let paper = TransformerConfig::paper(Features::inputs(system, form), Features::outputs(system), 24);
     Weights::init(TransformerConfig { layers: 2, heads: 1, block: 1, history: 1, architecture: Architecture::Residual, ..paper }, 5)
 }
 
 #[test]
 fn the_slope_of_a_rollout_is_that_of_differences() {
     // Others' upstream gradients are so large that they are limited.
-    for (robot, base) in ROBOTS.into_iter().filter(|(robot, base)| *base == Base::State && *robot != "franka") {
-        let (system, motions, normalizer) = case(robot, base);
-        let (weights, body) = (weights(&system), Robot::new(&system, base, &normalizer, &motions));
+    for (robot, form) in forms().filter(|(robot, form)| form.base == Base::State && *robot != "franka") {
+        let (system, motions, normalizer) = case(robot, form);
+        let (weights, body) = (weights(&system, form), Robot::new(&system, form, &normalizer, &motions));
         let frames = 4;
         {
             let course = Course { body: body.clone(), train: motions.clone(), validation: motions.clone(), frames };
@@ -73,17 +79,17 @@ fn the_slope_of_a_rollout_is_that_of_differences() {
             let h = 3e-4;
             let wanted = (moved(h) - moved(-h)) / (2.0 * h);
             let off = (size / wanted - 1.0).abs();
-            println!("{robot}, {base:?}, {frames} frames: a slope of {size:.4}, by differences {wanted:.4}, off by {off:.1e}");
-            assert!(off < 2e-3, "{robot}, {base:?}, {frames} frames: a slope of {size:.4}, by differences {wanted:.4}, off by {off:.1e}");
+            println!("{robot}, {form:?}, {frames} frames: a slope of {size:.4}, by differences {wanted:.4}, off by {off:.1e}");
+            assert!(off < 2e-3, "{robot}, {form:?}, {frames} frames: a slope of {size:.4}, by differences {wanted:.4}, off by {off:.1e}");
         }
     }
 }
 
 #[test]
 fn a_gradient_by_outputs_is_that_of_differences() {
-    for (robot, base) in ROBOTS {
-        let (system, motions, normalizer) = case(robot, base);
-        let (body, d, h) = (Robot::new(&system, base, &normalizer, &motions), system.robot.state_dim(), 1e-3f32);
+    for (robot, form) in forms() {
+        let (system, motions, normalizer) = case(robot, form);
+        let (body, d, h) = (Robot::new(&system, form, &normalizer, &motions), system.robot.state_dim(), 1e-3f32);
         let (mut scratch, outputs) = (body.memory(), some(d, 0.3).into_iter().map(|x| x as f32).collect::<Vec<_>>());
         let mut off = 0.0f64;
         for i in 0..12 {
@@ -108,23 +114,23 @@ fn a_gradient_by_outputs_is_that_of_differences() {
             let found = body.advance_back(&own, &look, &outputs, &upstream, &mut body.level());
             off = worse(off, apart(&found.into_iter().map(f64::from).collect::<Vec<_>>(), &expected));
         }
-        println!("{robot}, {base:?}: {off:.1e} of the largest slope off");
-        assert!(off < 2e-3, "{robot}, {base:?}: {off:.1e} of the largest slope off");
+        println!("{robot}, {form:?}: {off:.1e} of the largest slope off");
+        assert!(off < 2e-3, "{robot}, {form:?}: {off:.1e} of the largest slope off");
     }
 }
 
 #[test]
 fn rollouts_come_nearer_to_the_truth() {
-    let base = Base::Trapezoid;
-    let (system, motions, normalizer) = case("pendulum", base);
+    let form = Base::Trapezoid.into();
+    let (system, motions, normalizer) = case("pendulum", form);
     let config = LearnerConfig { batch: 64, clip: 1.0, average: 0.9, seed: 0, huber: None, optimizer: Optimizer::Muon };
     let course = |frames| Course {
-        body: Robot::new(&system, base, &normalizer, &motions),
+        body: Robot::new(&system, form, &normalizer, &motions),
         train: motions.clone(),
         validation: motions.clone(),
         frames,
     };
-    let (mut state, mut missed) = (LearnerState::new(weights(&system)), Vec::new());
+    let (mut state, mut missed) = (LearnerState::new(weights(&system, form)), Vec::new());
     for (frames, updates) in [(1, 300), (4, 100)] {
         let mut learner = UnrollLearner::new(config, state, course(frames)).expect("a learner");
         missed.push(learner.validate(200).expect("finite"));
@@ -141,10 +147,10 @@ fn kernels_roll_out_and_back_as_the_cpu_does() {
     const ROLLOUTS: usize = 24;
     const FRAME: usize = 3;
     let Some(compiler) = cpp::Compiler::find() else { return };
-    for (robot, base) in ROBOTS {
-        let (system, motions, normalizer) = case(robot, base);
-        let body = Robot::new(&system, base, &normalizer, &motions);
-        let (d, n, inputs) = (system.robot.state_dim(), 2 * system.robot.nv(), Features::inputs(&system, Base::State));
+    for (robot, form) in forms() {
+        let (system, motions, normalizer) = case(robot, form);
+        let body = Robot::new(&system, form, &normalizer, &motions);
+        let (d, n, inputs) = (system.robot.state_dim(), 2 * system.robot.nv(), Features::inputs(&system, form));
         let colliders = motions.scenes.iter().map(|scene| scene.colliders.len()).max().unwrap_or(0);
         let place = |i: usize, k: usize| Place { motion: i, frame: i % 30 + k, view: () };
         let outputs: Vec<f32> = some(ROLLOUTS * d, 0.3).into_iter().map(|x| x as f32).collect();
@@ -189,9 +195,9 @@ fn kernels_roll_out_and_back_as_the_cpu_does() {
             worst.iter_mut().zip(found).for_each(|(worst, found)| *worst = worse(*worst, found));
             assert_eq!(judged[2 * i + 1] != 0.0, body.near(&moved, &truth), "{robot}: rollout {i}");
         }
-        println!("{robot}, {base:?}: after, tokens, loss, its slopes, by outputs, by the state: {worst:?} off");
+        println!("{robot}, {form:?}: after, tokens, loss, its slopes, by outputs, by the state: {worst:?} off");
         let exact = [worst[0], worst[2], worst[3], worst[5]].into_iter().fold(0.0, f64::max);
-        assert!(exact < 1e-8 && worst[1].max(worst[4]) < 1e-6, "{robot}, {base:?}: {worst:?}");
+        assert!(exact < 1e-8 && worst[1].max(worst[4]) < 1e-6, "{robot}, {form:?}: {worst:?}");
         assert!(output.bytes.is_empty());
     }
 }

@@ -15,12 +15,12 @@ use super::{ASTRAY, Robot, SHARE};
 impl OnCard for Robot {
     fn widths(&self) -> Widths {
         let robot = &self.system.robot;
-        let inputs = Features::inputs(&self.system, self.base);
+        let inputs = Features::inputs(&self.system, self.form);
         Widths { state: robot.state_dim(), kept: 0, inputs, torques: robot.joint_count(), threads: None }
     }
 
     fn program(&self, system: &Arc<System>, rollouts: usize, colliders: usize) -> Result<String, String> {
-        let mut text = token_functions(self.base.into(), &self.normalizer, system, Real::F64, colliders)?;
+        let mut text = token_functions(self.form, &self.normalizer, system, Real::F64, colliders)?;
         for (name, x) in [("SHARE", SHARE), ("ASTRAY", ASTRAY)] {
             let _ = writeln!(text, "#define {name} {x:e}");
         }
@@ -33,7 +33,7 @@ impl OnCard for Robot {
     }
 
     fn record(&self, system: &System, scene: &Scene, colliders: usize) -> Result<Vec<f64>, String> {
-        let (settings, reach) = settings(self.base.into(), system)?;
+        let (settings, reach) = settings(self.form, system)?;
         record(scene, system, &settings, Reach { colliders, ..reach })
     }
 

@@ -11,6 +11,7 @@ use nerd_core::dynamics::Data;
 use nerd_core::state::wrap_state;
 use nerd_model::base::Base;
 use nerd_model::features::Features;
+use nerd_model::form::Form;
 use nerd_model::normalizer::Normalizer;
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
 use nerd_model::slopes::{Seen, apply_back, token_back};
@@ -43,8 +44,8 @@ const LEAST: f64 = 1e-9;
 pub struct Robot {
     /// Which.
     pub system: Arc<System>,
-    /// What predictions are added to: [`Base::State`], or [`Base::Trapezoid`].
-    pub base: Base,
+    /// On [`Base::State`] or [`Base::Trapezoid`], seen from its own frame.
+    pub form: Form,
     /// Of its network.
     pub normalizer: Normalizer,
     /// What errors count from, by number of the tangent space.
@@ -55,7 +56,7 @@ pub struct Robot {
 
 impl Robot {
     /// Units are measured in `motions`.
-    pub fn new(system: &Arc<System>, base: Base, normalizer: &Normalizer, motions: &Motions) -> Self {
+    pub fn new(system: &Arc<System>, form: impl Into<Form>, normalizer: &Normalizer, motions: &Motions) -> Self {
         let (nv, dofs) = (system.robot.nv(), system.robot.root_dofs());
         let step = (motions.len() * motions.frames).div_ceil(FRAMES).max(1);
         let rows: Vec<usize> = (0..motions.len() * motions.frames).step_by(step).collect();
@@ -71,7 +72,7 @@ impl Robot {
         }
         let weight = |k: usize| 1.0 / if k % nv < dofs { 3.0 } else { (nv - dofs) as f64 };
         let weights = (0..2 * nv).map(weight).collect();
-        Self { system: system.clone(), base, normalizer: normalizer.clone(), units, weights }
+        Self { system: system.clone(), form: form.into(), normalizer: normalizer.clone(), units, weights }
     }
 
     /// Predicted change, in units of the state.
@@ -105,7 +106,7 @@ impl Body for Robot {
     type Memory = Scratch;
 
     fn memory(&self) -> Scratch {
-        Scratch { features: Features::new(&self.system, self.base), data: Data::new(&self.system.robot) }
+        Scratch { features: Features::new(&self.system, self.form), data: Data::new(&self.system.robot) }
     }
 
     fn tokens(&self) -> usize {
@@ -166,11 +167,11 @@ impl Body for Robot {
     fn advance_back(&self, before: &Vec<f64>, _: &Looked, outputs: &[f32], upstream: &Vec<f64>, slope: &mut Vec<f64>) -> Vec<f32> {
         let (robot, time, prediction) = (&self.system.robot, self.system.frame_time, self.change(outputs));
         let (mut change, mut by_change) = (prediction.clone(), vec![0.0; before.len()]);
-        if self.base == Base::Trapezoid {
+        if self.form.base == Base::Trapezoid {
             trapezoid::add(robot, time, before, &mut change);
         }
         apply_back(robot, before, &change, upstream, slope, &mut by_change);
-        if self.base == Base::Trapezoid {
+        if self.form.base == Base::Trapezoid {
             trapezoid::back(robot, time, before, &prediction, &mut by_change, slope);
         }
         by_change.iter().zip(self.normalizer.outputs.scale()).map(|(g, scale)| (g * scale) as f32).collect()
@@ -186,7 +187,8 @@ impl Body for Robot {
         scratch: &mut Scratch,
     ) {
         let by: Vec<f32> = by_tokens.iter().zip(self.normalizer.inputs.scale()).map(|(g, scale)| (f64::from(*g) / scale) as f32).collect();
-        token_back(&self.system.robot, &Seen { state: before, contacts, gravity: *gravity }, &by, &mut scratch.data, slope);
+        let seen = Seen { state: before, contacts, gravity: *gravity, view: self.form.view };
+        token_back(&self.system.robot, &seen, &by, &mut scratch.data, slope);
     }
 
     fn near(&self, state: &Vec<f64>, truth: &Vec<f64>) -> bool {

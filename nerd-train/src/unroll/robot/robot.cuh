@@ -126,9 +126,43 @@ FN void apply_back(const double* state, const float* said, const double* behind,
 
 FN V3 three(const float* by, int k) { return v3(by[k] / SCALE[k], by[k + 1] / SCALE[k + 1], by[k + 2] / SCALE[k + 2]); }
 
+// Adds what wrenches on links do along each degree of freedom.
+FN void onto(const Tree& t, Wrench* load, double* slope) {
+    const M3 r = t.rotation[0];
+    const V3 o = t.position[0];
+    for (int i = NL - 1; i >= 0; i--) {
+        if (DOFS && i == 0) {
+            add3(slope, back(r, load[0].ang - cross(o, load[0].lin)));
+            add3(slope + 3, back(r, load[0].lin));
+        } else {
+            slope[DOF[i]] += dot(t.axis[i], load[i]);
+            if (PARENT[i] >= 0) load[PARENT[i]] = load[PARENT[i]] + load[i];
+        }
+    }
+}
+
+// Adds what poses of the joints above a link do to the velocity of its point at x, as slopes.rs.
+FN void quickened(const Tree& t, int link, V3 x, V3 along, double* slope) {
+    const V3 velocity = at(t.velocity[link], x);
+    for (int i = link; i >= (DOFS ? 1 : 0); i = PARENT[i]) {
+        const Motion none = motion(v3(0, 0, 0), v3(0, 0, 0)), parent = PARENT[i] >= 0 ? t.velocity[PARENT[i]] : none;
+        const V3 way = cross(parent.ang, at(t.axis[i], x)) + cross(t.axis[i].ang, velocity - at(parent, x));
+        slope[DOF[i]] += dot(along, way);
+    }
+}
+
 // Adds to `slope` what comes to the state through its token.
 BIG void tell_back(const double* state, const double* scene, const float* by, double* slope) {
-    for (int i = 0; i < NJ; i++) slope[DOFS + i] += by[COORDS + i] / SCALE[COORDS + i];
+    int cosine = INPUTS;
+    for (int i = NJ - 1; i >= 0; i--) {
+        const double g = by[COORDS + i] / SCALE[COORDS + i], q = state[COORDS + i];
+        if (MOVING && WRAPS[i]) {
+            cosine--;
+            slope[DOFS + i] += g * cos(q) - by[cosine] / SCALE[cosine] * sin(q);
+        } else {
+            slope[DOFS + i] += g;
+        }
+    }
     for (int i = 0; i < NV; i++) slope[NV + i] += by[NQ + i] / SCALE[NQ + i];
     if (!SITUATED) return;
     Work w;
@@ -137,12 +171,14 @@ BIG void tell_back(const double* state, const double* scene, const float* by, do
     take(t, state);
     t.shift = v3(0, 0, 0);
     kinematics(t);
+    if (MOVING) velocities(t, t.qd);
     survey(w, scene);
     look(w, events);
     const M3 r = t.rotation[0];
     const V3 o = t.position[0];
-    Wrench load[NL];
+    Wrench load[NL], impulse[MOVING ? NL : 1];
     for (int i = 0; i < NL; i++) load[i] = wrench(v3(0, 0, 0), v3(0, 0, 0));
+    for (int i = 0; MOVING && i < NL; i++) impulse[i] = load[i];
     V3 turn = v3(0, 0, 0), shift = v3(0, 0, 0);
     for (int p = 0; p < NP; p++) {
         const Event& e = events[p];
@@ -156,6 +192,12 @@ BIG void tell_back(const double* state, const double* scene, const float* by, do
         const int link = POINT_LINK[p];
         const V3 place = LOCI && LOCUS[p] ? facing(t, p, e.normal, true) : e.p0;
         load[link] = load[link] + wrench(cross(place, force), force);
+        if (MOVING) {
+            const V3 by_speed = three(by, STATE + 7 * NP + 3 * p), along = r * by_speed;
+            if (!DOFS) turn = turn + cross(by_speed, back(r, at(t.velocity[link], place)));
+            impulse[link] = impulse[link] + wrench(cross(place, along), along);
+            quickened(t, link, place, along, slope);
+        }
         if (LOCI && LOCUS[p] == 1) {
             // The rim turns about its disc's axis, its deepest place does not.
             const V3 axis = t.rotation[link] * read3(RIM + 6 * p);
@@ -164,18 +206,11 @@ BIG void tell_back(const double* state, const double* scene, const float* by, do
     }
     const V3 g = v3(scene[0], scene[1], scene[2]);
     const double length = norm(g);
-    turn = turn + cross(three(by, STATE + 7 * NP + NJ), back(r, g * (1 / (length > 0 ? length : 1))));
+    turn = turn + cross(three(by, STATE + (MOVING ? 10 : 7) * NP + NJ), back(r, g * (1 / (length > 0 ? length : 1))));
     const V3 push = r * shift;
     load[0] = load[0] + wrench(r * turn + cross(o, push), push);
-    for (int i = NL - 1; i >= 0; i--) {
-        if (DOFS && i == 0) {
-            add3(slope, back(r, load[0].ang - cross(o, load[0].lin)));
-            add3(slope + 3, back(r, load[0].lin));
-        } else {
-            slope[DOF[i]] += dot(t.axis[i], load[i]);
-            if (PARENT[i] >= 0) load[PARENT[i]] = load[PARENT[i]] + load[i];
-        }
-    }
+    onto(t, load, slope);
+    if (MOVING) onto(t, impulse, slope + NV);
 }
 
 // Whether a rollout is near enough to the truth to be carried on; not where a number is none.
