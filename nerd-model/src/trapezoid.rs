@@ -9,6 +9,8 @@ use nerd_core::frames::own_velocity;
 use nerd_core::robot::Robot;
 use nerd_core::state::vector;
 
+use crate::normalizer::Moments;
+
 /// The turn (rotation vector) and way of a free root at the mean velocities, in its own axes.
 fn carried(robot: &Robot, time: f64, state: &[f64], change: &[f64]) -> [Vector3<f64>; 2] {
     let (nq, [a, b]) = (robot.nq(), own_velocity(state, robot.nq()));
@@ -24,6 +26,19 @@ fn joints(robot: &Robot, time: f64, state: &[f64], change: &mut [f64], sign: f64
     let (nq, coords, dofs) = (robot.nq(), robot.root_coords(), robot.root_dofs());
     for i in 0..robot.joint_count() {
         change[coords + i] += sign * time * (state[nq + dofs + i] + 0.5 * change[nq + dofs + i]);
+    }
+}
+
+/// Lets what positions miss count as velocities do: its scale is that of the velocity's change times the frame's time. What smooth motion
+/// misses, next to nothing, then takes no part of a network.
+pub fn level(robot: &Robot, time: f64, outputs: &mut Moments) {
+    let (nq, coords, dofs) = (robot.nq(), robot.root_coords(), robot.root_dofs());
+    let of = |velocity: usize, share: f64| (share * time, nq + velocity);
+    // A turn's quaternion changes by half its angle.
+    let root = [of(3, 1.0), of(4, 1.0), of(5, 1.0), of(0, 0.5), of(1, 0.5), of(2, 0.5), of(0, 0.5)];
+    let pairs = root.into_iter().take(coords).chain((0..robot.joint_count()).map(|i| of(dofs + i, 1.0)));
+    for (k, (share, velocity)) in pairs.enumerate() {
+        outputs.variance[k] = (share * share * (outputs.variance[velocity] + outputs.epsilon) - outputs.epsilon).max(0.0);
     }
 }
 

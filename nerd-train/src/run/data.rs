@@ -3,7 +3,9 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use nerd_model::chain::ChainSolver;
+use nerd_model::base::Base;
 use nerd_model::normalizer::Normalizer;
+use nerd_model::trapezoid;
 use nerd_sim::dataset::GenerateConfig;
 
 use super::plan::Plan;
@@ -87,6 +89,9 @@ impl Data {
         let own = || {
             let mut own = config.variant.normalizer(moments(windows));
             own.outputs.epsilon = config.epsilon.unwrap_or(own.outputs.epsilon);
+            if form.base == Base::Trapezoid {
+                trapezoid::level(&system.robot, system.frame_time, &mut own.outputs);
+            }
             own
         };
         let normalizer = plan.parent.as_ref().map_or_else(own, |p| p.normalizer.clone());

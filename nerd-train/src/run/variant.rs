@@ -44,7 +44,7 @@ impl Variant {
 
     /// Whether it is NeRD itself.
     pub fn usual(&self) -> bool {
-        *self == Self::Nerd
+        matches!(self, Self::Nerd | Self::Moving)
     }
 
     /// In a title.
