@@ -25,6 +25,9 @@ use crate::base::Base;
 use crate::form::{Form, View};
 use crate::trapezoid;
 
+/// Gaps (m) that are much smaller are told apart, larger ones are far.
+pub(crate) const NEAR: f64 = 0.004;
+
 /// Turns states into tokens and predictions into states, for one system.
 #[derive(Clone)]
 pub struct Features {
@@ -54,7 +57,13 @@ impl Features {
         let Form { base, view, .. } = form.into();
         let drafted = if matches!(base, Base::Draft(_)) { system.robot.state_dim() } else { 0 };
         let plain = system.robot.state_dim() + system.robot.joint_count() + drafted;
-        let a_point = if base.moves() || view == View::Moving { 10 } else { 7 };
+        let a_point = 7 + if view == View::Moving {
+            5
+        } else if base.moves() {
+            3
+        } else {
+            0
+        };
         let plain = plain + if view == View::Moving { system.robot.joints().filter(|joint| joint.wraps()).count() } else { 0 };
         if Self::situated(&system.robot) && view != View::Blind { plain + a_point * system.robot.contact_points.len() + 3 } else { plain }
     }
@@ -131,6 +140,14 @@ impl Features {
         contacts.iter().enumerate().for_each(|(k, event)| put(&[if seen(k) { event.distance } else { 0.0 }]));
         for (k, way) in self.ways.iter().enumerate() {
             put(if seen(k) { frame.direction(way) } else { none }.as_slice());
+        }
+        if self.form.view == View::Moving {
+            for ahead in [0.0, system.frame_time] {
+                for (k, (event, way)) in contacts.iter().zip(&self.ways).enumerate() {
+                    let gap = event.distance - system.robot.contact_points[k].radius + ahead * event.normal.dot(way);
+                    put(&[if seen(k) { near(gap) } else { 1.0 }]);
+                }
+            }
         }
         put(torques);
         let norm = gravity.norm();
@@ -233,6 +250,16 @@ impl Features {
         }
         frame.state_out(robot, &self.far, next);
     }
+}
+
+/// How near a gap (m) is: -1 deep inside, 0 where surfaces meet, 1 far away; steepest where they meet.
+pub(crate) fn near(gap: f64) -> f64 {
+    gap / gap.hypot(NEAR)
+}
+
+/// Its slope.
+pub(crate) fn nearer(gap: f64) -> f64 {
+    NEAR * NEAR / gap.hypot(NEAR).powi(3)
 }
 
 /// The world seen from itself.

@@ -20,7 +20,7 @@ use nerd_core::robot::Robot;
 use nerd_core::spatial::{Motion, Wrench};
 use nerd_core::state::vector;
 
-use crate::features::Features;
+use crate::features::{Features, nearer};
 use crate::form::View;
 
 /// What a token is made of.
@@ -33,12 +33,14 @@ pub struct Seen<'a> {
     pub gravity: Vector3<f64>,
     /// The robot's own, one of the two.
     pub view: View,
+    /// Time of a frame (s).
+    pub frame_time: f64,
 }
 
 /// Adds to `slope`, by the state, what [`Features::token`] makes of a gradient by its token. Views and bases other than the robot's own and
 /// the state have none.
-pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f32], data: &mut Data, slope: &mut [f64]) {
-    let Seen { state, contacts, gravity, view } = seen;
+pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f64], data: &mut Data, slope: &mut [f64]) {
+    let Seen { state, contacts, gravity, view, frame_time } = seen;
     let moving = *view == View::Moving;
     let (nv, dofs, joints) = (robot.nv(), robot.root_dofs(), robot.joint_count());
     let mut rest = by_token;
@@ -50,15 +52,15 @@ pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f32], data: &mut Data,
     // The root is at its own origin.
     take(robot.root_coords());
     let by_angles = take(joints);
-    slope[nv..].iter_mut().zip(take(nv)).for_each(|(s, g)| *s += f64::from(*g));
+    slope[nv..].iter_mut().zip(take(nv)).for_each(|(s, g)| *s += *g);
     let cosines = if moving { robot.joints().filter(|joint| joint.wraps()).count() } else { 0 };
     let mut by_cosines = by_token[by_token.len() - cosines..].iter();
     for (i, (joint, by)) in robot.joints().zip(by_angles).enumerate() {
         let turn = if moving && joint.wraps() {
             let (sin, cos) = state[robot.root_coords() + i].sin_cos();
-            f64::from(*by) * cos - f64::from(*by_cosines.next().expect("as many as wrap")) * sin
+            *by * cos - *by_cosines.next().expect("as many as wrap") * sin
         } else {
-            f64::from(*by)
+            *by
         };
         slope[dofs + i] += turn;
     }
@@ -75,9 +77,10 @@ pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f32], data: &mut Data,
     // By a turn of the frame, and a shift of it (own axes).
     let (mut turn, mut shift) = (Vector3::zeros(), Vector3::zeros());
     let count = contacts.len();
-    let [normals, places, depths, speeds] = [take(3 * count), take(3 * count), take(count), take(if moving { 3 * count } else { 0 })];
+    let [normals, places, depths] = [take(3 * count), take(3 * count), take(count)];
+    let [speeds, nears] = if moving { [take(3 * count), take(2 * count)] } else { [&[][..]; 2] };
     let mut impulses = vec![Wrench::default(); robot.links.len()];
-    let three = |all: &[f32], k: usize| Vector3::new(all[3 * k], all[3 * k + 1], all[3 * k + 2]).map(f64::from);
+    let three = |all: &[f64], k: usize| vector(&all[3 * k..]);
     for (k, (event, point)) in contacts.iter().zip(&robot.contact_points).enumerate() {
         if event.distance >= point.threshold() {
             continue;
@@ -85,18 +88,24 @@ pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f32], data: &mut Data,
         let (by_normal, by_place) = (three(normals, k), three(places, k));
         turn += by_normal.cross(&r.tr_mul(&event.normal)) + by_place.cross(&r.tr_mul(&(event.p1 - o)));
         shift -= by_place;
-        if moving {
-            let (at, by_speed) = (event.p0 - data.origin, three(speeds, k));
-            impulses[point.link] += Wrench::force_at(r * by_speed, &at);
-            quickened(robot, data, point.link, &at, &(r * by_speed), slope);
-            if !robot.floating() {
-                // A free root's own velocity turns with it.
-                turn += by_speed.cross(&r.tr_mul(&data.velocity[point.link].at(&at)));
-            }
-        }
         // The nearest place follows the point along the surface.
         let by_p1 = r * by_place;
-        let force = by_p1 + event.normal * (f64::from(depths[k]) - event.normal.dot(&by_p1));
+        let mut by_depth = depths[k];
+        if moving {
+            let (at, by_speed) = (event.p0 - data.origin, three(speeds, k));
+            let velocity = data.velocity[point.link].at(&at);
+            let gap = |ahead: f64| event.distance - point.radius + ahead * event.normal.dot(&velocity);
+            let [now, later] = [(0, 0.0), (count, *frame_time)].map(|(first, ahead)| nears[first + k] * nearer(gap(ahead)));
+            let by_closing = later * frame_time;
+            by_depth += now + later;
+            let along = r * by_speed + event.normal * by_closing;
+            impulses[point.link] += Wrench::force_at(along, &at);
+            quickened(robot, data, point.link, &at, &along, slope);
+            // A free root's own velocity turns with it.
+            turn +=
+                if robot.floating() { r.tr_mul(&velocity.cross(&event.normal)) * by_closing } else { by_speed.cross(&r.tr_mul(&velocity)) };
+        }
+        let force = by_p1 + event.normal * (by_depth - event.normal.dot(&by_p1));
         loads[point.link] += Wrench::force_at(force, &(event.p0 - data.origin));
         if let Locus::Rim { axis, .. } = &point.locus {
             // The rim turns about its disc's axis, its deepest place does not.

@@ -14,7 +14,7 @@ use nerd_sim::articulated::{ArticulatedConfig, Draft, Friction};
 use nerd_sim::system::System;
 
 use crate::base::Base;
-use crate::features::Features;
+use crate::features::{Features, NEAR};
 use crate::form::{Form, View};
 use crate::normalizer::Normalizer;
 
@@ -64,7 +64,9 @@ pub fn token_functions(form: Form, normalizer: &Normalizer, system: &Arc<System>
         let _ = writeln!(text, "#define {name} {n}");
     }
     let time = if form.base == Base::Trapezoid { system.frame_time } else { 0.0 };
-    let _ = writeln!(text, "#define TRAPEZOID {time:e}");
+    for (name, x) in [("TRAPEZOID", time), ("FRAME_TIME", system.frame_time), ("NEAR", NEAR)] {
+        let _ = writeln!(text, "#define {name} {x:e}");
+    }
     let (inputs, outputs) = (&normalizer.inputs, &normalizer.outputs);
     let mut table = |kind: &str, name: &str, numbers: Vec<f64>| {
         // None may be empty.

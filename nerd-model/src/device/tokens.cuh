@@ -23,6 +23,12 @@ FN void look(const Work& w, Event* events) {
     }
 }
 
+// How near a gap is, as features.rs has it; and the gap, now or a frame ahead at this speed.
+FN double near(double gap) { return gap / sqrt(gap * gap + NEAR * NEAR); }
+FN double gap(const Event& e, int p, V3 speed, int ahead) {
+    return e.distance - RADIUS[p] + (ahead ? FRAME_TIME * dot(e.normal, speed) : 0);
+}
+
 // Writes a token, number by number, normalised.
 struct Writer { float* out; int k; };
 FN void put(Writer& w, double x) {
@@ -87,11 +93,16 @@ BIG int tell(const double* state, const double* tau, const double* scene, double
     for (int p = 0; p < NP; p++) put(out, events[p].distance < SEEN[p] ? back(r, events[p].p1 - o) : none);
     for (int p = 0; p < NP; p++) put(out, events[p].distance < SEEN[p] ? events[p].distance : (real)0);
 
-    if (MOVING) {
-        if (NP) velocities(t, t.qd);
+    if (MOVING && NP) {
+        V3 speed[NP + 1];
+        velocities(t, t.qd);
         for (int p = 0; p < NP; p++) {
             const bool seen = events[p].distance < SEEN[p];
-            put(out, seen ? back(r, at(t.velocity[POINT_LINK[p]], facing(t, p, events[p].normal, true))) : none);
+            if (seen) speed[p] = at(t.velocity[POINT_LINK[p]], facing(t, p, events[p].normal, true));
+            put(out, seen ? back(r, speed[p]) : none);
+        }
+        for (int ahead = 0; ahead < 2; ahead++) {
+            for (int p = 0; p < NP; p++) put(out, events[p].distance < SEEN[p] ? near(gap(events[p], p, speed[p], ahead)) : 1.0);
         }
     }
     V3 moved_by = none;

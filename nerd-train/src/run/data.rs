@@ -2,8 +2,8 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use nerd_model::chain::ChainSolver;
 use nerd_model::base::Base;
+use nerd_model::chain::ChainSolver;
 use nerd_model::normalizer::Normalizer;
 use nerd_model::trapezoid;
 use nerd_sim::dataset::GenerateConfig;

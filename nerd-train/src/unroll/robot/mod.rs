@@ -27,9 +27,9 @@ use super::data::Motions;
 use crate::learner::validation_rows;
 
 /// Share of a frame's change that is an error of one.
-const SHARE: f64 = 0.2;
+const SHARE: f64 = 0.02;
 /// Mean error of a pose (m, rad) beyond which a rollout teaches nothing of the truth any more.
-const ASTRAY: f64 = 0.02;
+const ASTRAY: f64 = -1.0;
 /// Frames that units are measured in.
 const FRAMES: usize = 8000;
 /// No unit is less: what never moves would be divided by nothing.
@@ -186,8 +186,8 @@ impl Body for Robot {
         slope: &mut Vec<f64>,
         scratch: &mut Scratch,
     ) {
-        let by: Vec<f32> = by_tokens.iter().zip(self.normalizer.inputs.scale()).map(|(g, scale)| (f64::from(*g) / scale) as f32).collect();
-        let seen = Seen { state: before, contacts, gravity: *gravity, view: self.form.view };
+        let by: Vec<f64> = by_tokens.iter().zip(self.normalizer.inputs.scale()).map(|(g, scale)| f64::from(*g) / scale).collect();
+        let seen = Seen { state: before, contacts, gravity: *gravity, view: self.form.view, frame_time: self.system.frame_time };
         token_back(&self.system.robot, &seen, &by, &mut scratch.data, slope);
     }
 

@@ -151,6 +151,11 @@ FN void quickened(const Tree& t, int link, V3 x, V3 along, double* slope) {
     }
 }
 
+FN double nearer(double gap) {
+    const double square = gap * gap + NEAR * NEAR;
+    return NEAR * NEAR / (square * sqrt(square));
+}
+
 // Adds to `slope` what comes to the state through its token.
 BIG void tell_back(const double* state, const double* scene, const float* by, double* slope) {
     int cosine = INPUTS;
@@ -187,17 +192,24 @@ BIG void tell_back(const double* state, const double* scene, const float* by, do
         const int depth = STATE + 6 * NP + p;
         turn = turn + cross(by_normal, back(r, e.normal)) + cross(by_place, back(r, e.p1 - o));
         shift = shift - by_place;
-        // The nearest place follows the point along the surface.
-        const V3 by_p1 = r * by_place, force = by_p1 + e.normal * (by[depth] / SCALE[depth] - dot(e.normal, by_p1));
         const int link = POINT_LINK[p];
         const V3 place = LOCI && LOCUS[p] ? facing(t, p, e.normal, true) : e.p0;
-        load[link] = load[link] + wrench(cross(place, force), force);
+        double by_depth = by[depth] / SCALE[depth];
         if (MOVING) {
-            const V3 by_speed = three(by, STATE + 7 * NP + 3 * p), along = r * by_speed;
-            if (!DOFS) turn = turn + cross(by_speed, back(r, at(t.velocity[link], place)));
+            const int nears = STATE + 10 * NP + p;
+            const V3 by_speed = three(by, STATE + 7 * NP + 3 * p), speed = at(t.velocity[link], place);
+            const double now = by[nears] / SCALE[nears] * nearer(gap(e, p, speed, 0));
+            const double later = by[nears + NP] / SCALE[nears + NP] * nearer(gap(e, p, speed, 1)), by_closing = later * FRAME_TIME;
+            by_depth += now + later;
+            const V3 along = r * by_speed + e.normal * by_closing;
             impulse[link] = impulse[link] + wrench(cross(place, along), along);
             quickened(t, link, place, along, slope);
+            // A free root's own velocity turns with it.
+            turn = turn + (DOFS ? back(r, cross(speed, e.normal)) * by_closing : cross(by_speed, back(r, speed)));
         }
+        // The nearest place follows the point along the surface.
+        const V3 by_p1 = r * by_place, force = by_p1 + e.normal * (by_depth - dot(e.normal, by_p1));
+        load[link] = load[link] + wrench(cross(place, force), force);
         if (LOCI && LOCUS[p] == 1) {
             // The rim turns about its disc's axis, its deepest place does not.
             const V3 axis = t.rotation[link] * read3(RIM + 6 * p);
@@ -206,7 +218,7 @@ BIG void tell_back(const double* state, const double* scene, const float* by, do
     }
     const V3 g = v3(scene[0], scene[1], scene[2]);
     const double length = norm(g);
-    turn = turn + cross(three(by, STATE + (MOVING ? 10 : 7) * NP + NJ), back(r, g * (1 / (length > 0 ? length : 1))));
+    turn = turn + cross(three(by, STATE + (MOVING ? 12 : 7) * NP + NJ), back(r, g * (1 / (length > 0 ? length : 1))));
     const V3 push = r * shift;
     load[0] = load[0] + wrench(r * turn + cross(o, push), push);
     onto(t, load, slope);
