@@ -89,7 +89,7 @@ fn the_slope_of_a_rollout_is_that_of_differences() {
 fn a_gradient_by_outputs_is_that_of_differences() {
     for (robot, form) in forms() {
         let (system, motions, normalizer) = case(robot, form);
-        let (body, d, h) = (Robot::new(&system, form, &normalizer, &motions), system.robot.state_dim(), 1e-3f32);
+        let (body, d, h) = (Robot::new(&system, form, &normalizer, &motions), system.robot.state_dim(), 2e-4f32);
         let (mut scratch, outputs) = (body.memory(), some(d, 0.3).into_iter().map(|x| x as f32).collect::<Vec<_>>());
         let mut off = 0.0f64;
         for i in 0..12 {
@@ -167,7 +167,7 @@ fn kernels_roll_out_and_back_as_the_cpu_does() {
         let output = compiler.run(&body.program(&system, ROLLOUTS, colliders).expect("it has kernels"), input);
         let mut output = Output { bytes: &output };
         let after = output.doubles(ROLLOUTS * d);
-        let (tokens, judged) = (output.floats(ROLLOUTS * padded(inputs)), output.doubles(2 * ROLLOUTS));
+        let (tokens, judged) = (output.floats(ROLLOUTS * padded(inputs)), output.doubles(ROLLOUTS));
         let (slopes, by_outputs, fronts) = (output.doubles(ROLLOUTS * n), output.floats(ROLLOUTS * d), output.doubles(ROLLOUTS * n));
 
         let (mut worst, mut scratch) = ([0.0f64; 6], body.memory());
@@ -187,13 +187,12 @@ fn kernels_roll_out_and_back_as_the_cpu_does() {
             let found = [
                 apart(&after[i * d..][..d], &moved),
                 apart(&tokens[i * padded(inputs)..][..inputs], &expected),
-                apart(&judged[2 * i..][..1], &[cost]),
+                apart(&judged[i..][..1], &[cost]),
                 apart(&slopes[i * n..][..n], &all),
                 apart(&by_outputs[i * d..][..d], &wanted),
                 apart(&fronts[i * n..][..n], &front),
             ];
             worst.iter_mut().zip(found).for_each(|(worst, found)| *worst = worse(*worst, found));
-            assert_eq!(judged[2 * i + 1] != 0.0, body.near(&moved, &truth), "{robot}: rollout {i}");
         }
         println!("{robot}, {form:?}: after, tokens, loss, its slopes, by outputs, by the state: {worst:?} off");
         let exact = [worst[0], worst[2], worst[3], worst[5]].into_iter().fold(0.0, f64::max);

@@ -10,7 +10,7 @@ use nerd_sim::scene::Scene;
 use nerd_sim::system::System;
 
 use super::super::kernels::{OnCard, Widths};
-use super::{ASTRAY, Robot, SHARE};
+use super::{Robot, SHARE};
 
 impl OnCard for Robot {
     fn widths(&self) -> Widths {
@@ -21,10 +21,7 @@ impl OnCard for Robot {
 
     fn program(&self, system: &Arc<System>, rollouts: usize, colliders: usize) -> Result<String, String> {
         let mut text = token_functions(self.form, &self.normalizer, system, Real::F64, colliders)?;
-        for (name, x) in [("SHARE", SHARE), ("ASTRAY", ASTRAY)] {
-            let _ = writeln!(text, "#define {name} {x:e}");
-        }
-        let _ = writeln!(text, "#define ROLLOUTS {rollouts}");
+        let _ = writeln!(text, "#define SHARE {SHARE:e}\n#define ROLLOUTS {rollouts}");
         for (name, numbers) in [("UNIT", &self.units), ("COUNTS", &self.weights)] {
             let numbers: Vec<String> = numbers.iter().map(|x| format!("{x:e}")).collect();
             let _ = writeln!(text, "TABLE double {name}[] = {{{}}};", numbers.join(", "));

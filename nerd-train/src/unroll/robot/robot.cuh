@@ -1,5 +1,5 @@
 // Rollouts of a robot that is seen by one token, and the gradient of their loss, as mod.rs, difference.rs and nerd_model's slopes.rs have them, in
-// 64 bits: a thread a rollout. Beside what tokens.cuh asks for, the host gives ROLLOUTS, UNIT and COUNTS (2 NV each), SHARE and ASTRAY.
+// 64 bits: a thread a rollout. Beside what tokens.cuh asks for, the host gives ROLLOUTS, UNIT and COUNTS (2 NV each), and SHARE.
 
 // The vector part of a^-1 b, its real part, and the sign by which that is the shorter way.
 FN V3 turned_by(const double* a, const double* b, double& real_part, double& sign) {
@@ -223,12 +223,4 @@ BIG void tell_back(const double* state, const double* scene, const float* by, do
     load[0] = load[0] + wrench(r * turn + cross(o, push), push);
     onto(t, load, slope);
     if (MOVING) onto(t, impulse, slope + NV);
-}
-
-// Whether a rollout is near enough to the truth to be carried on; not where a number is none.
-FN int near_to(const double* state, const double* truth) {
-    double error[2 * NV], sum = 0;
-    difference(truth, state, error);
-    for (int i = 0; i < NV; i++) sum += size(error[i]);
-    return sum <= ASTRAY * NV;
 }

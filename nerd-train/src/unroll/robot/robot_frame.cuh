@@ -52,10 +52,10 @@ KERNEL unroll_truths(const double* states, double* truths, long long count) {
     if (i < count) for (int k = 0; k < STATE; k++) truths[i * STATE + k] = states[i * STATE + k];
 }
 
-// Where the last update ended, or on the truth.
+// On the truth.
 KERNEL unroll_begin(WORLD, double* states, int through) {
     EACH MOTIONS
-    const double* from = r.anew != 0 ? truth(r, m, 0) : states + ((long long)through * ROLLOUTS + env) * STATE;
+    const double* from = truth(r, m, 0);
     for (int k = 0; k < STATE; k++) states[env * STATE + k] = from[k];
 }
 
@@ -95,12 +95,12 @@ KERNEL unroll_back(WORLD, const double* states, int k, const float* said, const 
 }
 
 KERNEL unroll_end(WORLD, const double* states, int through, int* nears) {
-    EACH MOTIONS
-    nears[env] = near_to(states + ((long long)through * ROLLOUTS + env) * STATE, truth(r, m, through));
+    EACH
+    nears[env] = 0;
 }
 #else
 // From standard input n rollouts, motions and their frames, and which frame it is; rollouts, recorded states, torques, scenes; outputs,
-// and gradients by tokens and by later states. To standard output states after, tokens, by rollout the loss and whether it is near;
+// and gradients by tokens and by later states. To standard output states after, tokens, by rollout the loss;
 // gradients of the loss joined by the upstream ones, by outputs, and by states before.
 int main() {
     const auto head = read_all<int>(4);
@@ -109,7 +109,7 @@ int main() {
     const auto torques = read_all<double>((long long)motions * frames * NJ), scenes = read_all<double>(motions * SCENE);
     const auto said = read_all<float>(n * STATE), by_tokens = read_all<float>(n * INPUTS);
     const auto behinds = read_all<double>(n * 2 * NV);
-    std::vector<double> after(n * STATE), out(2 * n), slopes(n * 2 * NV), fronts(n * 2 * NV);
+    std::vector<double> after(n * STATE), out(n), slopes(n * 2 * NV), fronts(n * 2 * NV);
     std::vector<float> tokens(n * LDX), by_said(n * STATE);
     const Motions m = {states.data(), torques.data(), scenes.data(), frames};
     for (int i = 0; i < n; i++) {
@@ -118,9 +118,8 @@ int main() {
         double *next = after.data() + i * STATE, *slope = slopes.data() + i * 2 * NV;
         token(r, m, k, own, tokens.data() + i * LDX);
         advance(own, said.data() + i * STATE, next);
-        out[2 * i] = loss(next, truth(r, m, k + 1), k + 1, 0.7, slope);
+        out[i] = loss(next, truth(r, m, k + 1), k + 1, 0.7, slope);
         join(behinds.data() + i * 2 * NV, 1 + i, slope);
-        out[2 * i + 1] = near_to(next, truth(r, m, k + 1));
         said_back(own, said.data() + i * STATE, slope, by_said.data() + i * STATE);
         frame_back(r, m, own, said.data() + i * STATE, by_tokens.data() + i * INPUTS, slope, fronts.data() + i * 2 * NV);
     }
