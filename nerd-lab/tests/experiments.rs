@@ -9,7 +9,7 @@ use nerd_lab::experiments::games::games;
 use nerd_lab::experiments::judges::Judges;
 use nerd_lab::experiments::motions::{MotionErrors, Motions, Row as MotionRow};
 use nerd_lab::experiments::passive::{Case, Passive, Protocol, Row, Rows, unworthy};
-use nerd_lab::experiments::{Entry, Experiment, conduct};
+use nerd_lab::experiments::{Experiment, conduct};
 use nerd_lab::report::manifest::{Entry as Made, Manifest};
 use nerd_lab::report::{Artifact, write_json};
 use nerd_model::base::Base;
@@ -39,15 +39,6 @@ fn truth(change: impl Fn(&mut Protocol)) -> Case {
     (asked.scene, asked.starts, asked.frames) = (vec!["ground1".into()], 2, Some(4));
     change(&mut asked);
     Case { robot: "pendulum".into(), solver, truth: None, asked }
-}
-
-#[test]
-fn the_truth_against_itself_is_zero_and_has_to_be_asked_for() {
-    let refused = refusal(Passive::new("itself", &[truth(|_| ())]));
-    assert!(refused.contains("--control"), "{refused}");
-    let control = Passive::new("itself", &[truth(|asked| asked.control = true)]).expect("asked for");
-    let rows = control.rows().expect("rolled out").rows;
-    assert!(rows[0].report.error.iter().all(|e| *e == 0.0), "{:?}", rows[0].report.error);
 }
 
 #[test]
@@ -119,23 +110,6 @@ fn the_summary_names_the_largest_of_a_robots_grounds_and_two_measurements_agree_
     assert_eq!(scenes, ["free", "ground2, the largest of 3"]);
     let other = Rows { rows: vec![row("free", 0.5), row("ground2", 0.4), row("ground9", 0.1)] };
     assert!(rows.agreement(&other).is_some_and(|words| words.starts_with("1 of 2") && words.contains("pendulum in ground2")));
-}
-
-#[test]
-fn an_experiment_is_found_by_name_and_its_settings_are_checked() {
-    for (name, set, word) in [
-        ("alchemy", vec![], "choose from ablations"),
-        ("motions", vec!["starts"], "KEY=VALUE"),
-        ("motions", vec!["colour=red"], "settings of motions are robot"),
-        ("motions", vec!["starts=none"], "starts=none"),
-        ("ablations", vec!["robot=cube"], "robot cube"),
-        ("ablations", vec!["seed=1,1"], "each once"),
-        ("ablations", vec!["only=mpl"], "choose from lstm, gru, mlp"),
-    ] {
-        let set: Vec<String> = set.into_iter().map(String::from).collect();
-        let found = refusal(Entry::named(name).and_then(|entry| entry.with(&set)).and_then(|experiment| experiment.about()));
-        assert!(found.contains(word), "`{found}` has no `{word}`");
-    }
 }
 
 #[test]

@@ -179,18 +179,6 @@ fn a_robot_of_the_same_name_is_not_the_same_robot() {
 }
 
 #[test]
-fn a_model_of_another_robot_or_truth_is_refused_by_name() {
-    let (folder, cartpole) = (saved(), System::named("cartpole").expect("built in"));
-    Model::load(folder.path(), &pendulum(), Some("articulated accurate")).expect("its own");
-    let error = refusal(folder.path(), &cartpole, None);
-    assert!(error.contains("`pendulum`") && error.contains("`cartpole`"), "{error}");
-    let error = refusal(folder.path(), &pendulum(), Some("rapier"));
-    assert!(error.contains("`articulated accurate`") && error.contains("`rapier`"), "{error}");
-    std::fs::write(folder.path().join("model.safetensors"), b"short").expect("written");
-    assert!(refusal(folder.path(), &pendulum(), None).contains("model.safetensors"));
-}
-
-#[test]
 fn a_folder_cut_off_while_it_was_written_is_none() {
     let (old, new) = (saved(), saved());
     let mut model = model(&pendulum(), Base::State);

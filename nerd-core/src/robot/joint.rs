@@ -117,12 +117,6 @@ impl Joint {
         self.origin = origin;
     }
 
-    /// Turns the axis in the joint frame.
-    pub fn set_axis(&mut self, axis: Unit<Vector3<f64>>) {
-        self.turn = turn(&self.origin, &axis);
-        self.axis = axis;
-    }
-
     /// `R_origin (a a^T)`, `R_origin [a]x`, `R_origin (1 - a a^T)`: rotation = 1st + 2nd sin q + 3rd cos q.
     #[inline]
     pub fn turn(&self) -> &[Matrix3<f64>; 3] {

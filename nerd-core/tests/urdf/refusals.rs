@@ -1,8 +1,7 @@
-//! A URDF that cannot be honoured is refused by name, in one line; no text at all makes the reader panic or overflow
-//! its stack, which urdf-rs alone does from some ten thousand nested elements.
+//! A URDF that cannot be honoured is refused by name, in one line; no text makes the reader overflow its stack, which urdf-rs
+//! alone does from some ten thousand nested elements. The campaign of `nerd-lab` changes URDFs at random.
 
 use nerd_core::prelude::*;
-use proptest::prelude::*;
 
 use super::common::*;
 
@@ -75,49 +74,6 @@ fn nesting_cannot_overflow_the_stack() {
     let joints = (0..2000).map(|i| joint(&format!("j{i}"), "continuous", &format!("l{i}"), &format!("l{}", i + 1), ""));
     let chain = Robot::from_urdf(&urdf(&parts.chain(joints).collect::<Vec<_>>()), Base::fixed()).expect("valid");
     assert_eq!(chain.nv(), 2000);
-}
-
-/// Reads a text as both kinds of robot; a robot that comes out is finite.
-fn read(text: &str) -> Result<(), TestCaseError> {
-    for base in [Base::fixed(), Base::Floating] {
-        match Robot::from_urdf(text, base) {
-            Ok(robot) => prop_assert!(robot.mass().is_finite() && robot.links.iter().all(|l| l.inertia.inertia.sum().is_finite())),
-            Err(error) => prop_assert!(!error.to_string().contains('\n')),
-        }
-    }
-    Ok(())
-}
-
-const NUMBERS: [&str; 12] = ["0", "-1", "nan", "inf", "-inf", "1e308", "-1e308", "1e-320", "", "1 2", "x", "&lt;"];
-
-proptest! {
-    #![proptest_config(ProptestConfig { cases: 500, failure_persistence: None, ..ProptestConfig::default() })]
-
-    #[test]
-    fn any_text_at_all(text in "\\PC{0,200}") {
-        read(&text)?;
-    }
-
-    #[test]
-    fn a_valid_file_with_bytes_changed(edits in prop::collection::vec((0..ARM.len(), " -~"), 1..6), cut in 0..ARM.len() * 4) {
-        let mut text = ARM.to_owned();
-        for (at, with) in edits {
-            text.replace_range(at..at + 1, &with);
-        }
-        text.truncate(cut);
-        read(&text)?;
-    }
-
-    #[test]
-    fn a_valid_file_with_numbers_changed(edits in prop::collection::vec((0..60usize, 0..NUMBERS.len()), 1..6)) {
-        // Every second piece between quotes is an attribute.
-        let mut pieces: Vec<&str> = ARM.split('"').collect();
-        for (at, with) in edits {
-            let at = ((2 * at + 1) % (pieces.len() - 1)) | 1;
-            pieces[at] = NUMBERS[with];
-        }
-        read(&pieces.join("\""))?;
-    }
 }
 
 #[test]

@@ -2,7 +2,6 @@
 //! ([`nerd_sim::drive::holding`]); and whether it falls as a body falls when nothing holds it. MuJoCo stands beside it where there is one.
 
 use nalgebra::Vector3;
-use nerd_core::contact::ContactPoint;
 use nerd_core::dynamics::{Data, kinematics, totals};
 use nerd_core::state::quaternion;
 use nerd_sim::drive::holding;
@@ -71,7 +70,7 @@ pub fn stand(found: &Found, python: Option<&Path>) -> Result<Standing> {
     let Ready { system, state, pose, drives } = ready(found)?;
     let scene = system.scene("plane").map_err(|e| Error::msg(reason(&e, &found.name)))?;
     let roll = |drives: &[Drive]| rolls(&system, &scene, &state, drives, STANDING);
-    let (ours, limp) = (course(&state, &roll(&drives)?), limp(&system, &state, &roll(&[])?));
+    let (ours, limp) = (course(&state, &roll(&drives)?), limp(&system, &scene, &state, &roll(&[])?));
     let mujoco = python.map(|python| -> Result<_> {
         let mut referee = Referee::new(python, &begin(&system, &scene, &state, &drives), STANDING)?;
         Ok(course(&state, &referee.play(Scheme::ImplicitFast, 2 * system.spec.substeps, false)?.frames))
@@ -100,19 +99,6 @@ fn course(start: &[f64], frames: &[Vec<f64>]) -> Course {
     frames.iter().map(|state| [state[2], up(state).angle(&up(start))]).collect()
 }
 
-/// What the springs of contacts and limits hold (J); `data` has the kinematics.
-fn held(system: &System, state: &[f64], data: &Data) -> f64 {
-    let robot = &system.robot;
-    let spring = |stiffness: f64, way: f64| 0.5 * stiffness * way.min(0.0).powi(2);
-    let gap = |p: &ContactPoint| foot(p, data, &Vector3::z());
-    let touching: f64 = robot.contact_points.iter().map(|p| spring(system.spec.material.stiffness, gap(p))).sum();
-    let limits = robot.joints().zip(&state[robot.root_coords()..]).filter_map(|(joint, q)| {
-        let limit = joint.limit?;
-        Some(spring(limit.stiffness, q - limit.lower) + spring(limit.stiffness, limit.upper - q))
-    });
-    touching + limits.sum::<f64>()
-}
-
 /// Against gravity; along z where there is none.
 pub(super) fn up(system: &System) -> Vector3<f64> {
     -system.gravity().try_normalize(0.0).unwrap_or_else(|| -Vector3::z())
@@ -126,12 +112,10 @@ pub(super) fn lowest(system: &System, state: &[f64]) -> f64 {
     heights.fold(f64::INFINITY, f64::min)
 }
 
-fn limp(system: &System, start: &[f64], frames: &[Vec<f64>]) -> Limp {
+fn limp(system: &System, scene: &Scene, start: &[f64], frames: &[Vec<f64>]) -> Limp {
     let mut data = Data::new(&system.robot);
-    let mut energy = |state: &[f64]| {
-        let moving = totals(&system.robot, state, &mut data).energy(&system.gravity());
-        moving + held(system, state, &data)
-    };
+    let mut energy =
+        |state: &[f64]| totals(&system.robot, state, &mut data).energy(&system.gravity()) + system.stored(scene, state, &mut data);
     let energies: Vec<f64> = std::iter::once(start).chain(frames.iter().map(Vec::as_slice)).map(&mut energy).collect();
     let mut least = f64::INFINITY;
     let rise = energies.iter().fold(0.0, |rise: f64, e| {

@@ -58,23 +58,10 @@ impl Motion {
         self.totals().iter().map(|t| t.energy(&self.scene.gravity)).collect()
     }
 
-    /// Energy (J) in the springs of contacts, joints and their limits, by state: `k g^2 / 2` at the depth g of each.
+    /// Energy (J) in springs, by state ([`System::stored`]).
     pub fn stored(&self) -> Vec<f64> {
-        let (robot, own) = (&self.system.robot, &self.system.spec.material);
-        let (mut data, mut events) = (Data::new(robot), Vec::new());
-        let stored = |state: &Vec<f64>| {
-            contacts(&self.system.robot, &self.scene, state, &mut data, &mut events);
-            let touching = robot.contact_points.iter().zip(&events).filter(|(point, event)| event.distance < point.radius);
-            let pressed = touching.map(|(point, event)| {
-                let k = self.scene.colliders[event.collider].material.mean(own).stiffness;
-                0.5 * k * (event.distance - point.radius).powi(2)
-            });
-            let ends = state[robot.root_coords()..].iter().zip(robot.joints());
-            let bent = ends.filter_map(|(q, j)| j.limit.map(|l| 0.5 * l.stiffness * (q - q.clamp(l.lower, l.upper)).powi(2)));
-            let sprung = state[robot.root_coords()..].iter().zip(robot.joints()).map(|(q, j)| 0.5 * j.stiffness * (q - j.rest).powi(2));
-            pressed.sum::<f64>() + bent.sum::<f64>() + sprung.sum::<f64>()
-        };
-        self.states.iter().map(stored).collect()
+        let mut data = Data::new(&self.system.robot);
+        self.states.iter().map(|s| self.system.stored(&self.scene, s, &mut data)).collect()
     }
 
     /// A figure of this motion above the ground; infinity, which fails, if a contact point fell through: it was ever deeper than 0.3 m.

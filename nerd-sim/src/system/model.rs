@@ -11,7 +11,7 @@ use super::built_in::{BUILT_IN, CABLES, FOREIGN};
 use super::folds::Folds;
 use super::spec::{JointSpec, Spec};
 use crate::files::FileError;
-use crate::scene::{Collider, Scene, WORLDS, described, world};
+use crate::scene::{Collider, Scene, WORLDS, contacts, described, world};
 
 /// Why a system could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -166,6 +166,21 @@ impl System {
             *q = joint.default;
         }
         state
+    }
+
+    /// Energy (J) in the springs of contacts, joints and their limits at a state: `k g^2 / 2` at the depth g of each.
+    pub fn stored(&self, scene: &Scene, state: &[f64], data: &mut Data) -> f64 {
+        let (robot, mut events) = (&self.robot, Vec::new());
+        contacts(robot, scene, state, data, &mut events);
+        let touching = robot.contact_points.iter().zip(&events).filter(|(point, event)| event.distance < point.radius);
+        let pressed = touching.map(|(point, event)| {
+            let k = scene.colliders[event.collider].material.mean(&self.spec.material).stiffness;
+            0.5 * k * (event.distance - point.radius).powi(2)
+        });
+        let joints = || state[robot.root_coords()..].iter().zip(robot.joints());
+        let bent = joints().filter_map(|(q, j)| j.limit.map(|l| 0.5 * l.stiffness * (q - q.clamp(l.lower, l.upper)).powi(2)));
+        let sprung = joints().map(|(q, j)| 0.5 * j.stiffness * (q - j.rest).powi(2));
+        pressed.sum::<f64>() + bent.sum::<f64>() + sprung.sum::<f64>()
     }
 
     /// What the specification says of each joint, in the order of the coordinates.

@@ -1,4 +1,4 @@
-//! A cart on four wheels keeps its speed. Of one wheel, a coin, a can and a ball the stability suite asks.
+//! A cart on four wheels keeps its speed and its height. Of one wheel, a coin, a can and a ball the stability suite asks.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use nerd_sim::suite::bodies::{Body, UPRIGHT};
 use super::common::*;
 
 #[test]
-fn a_cart_keeps_its_speed() {
+fn a_cart_keeps_its_speed_and_height() {
     let round =
         changed(&collision([0.0; 3], r#"<cylinder radius="0.1" length="0.04"/>"#), "<origin", r#"<origin rpy="1.5707963267948966 0 0""#);
     let mut parts = vec![link("cart", 10.0, [0.0; 3], [0.2, 0.4, 0.5], "")];
@@ -30,5 +30,7 @@ fn a_cart_keeps_its_speed() {
         let what = format!("{substeps} substeps: {first:.6} m/s after 1 s, {last:.6} m/s after 6 s, aside {:.1e} m", states[359][1]);
         println!("{what}");
         assert!((last / first - 1.0).abs() < 1e-5 && (first - 1.0).abs() < 1e-3, "{what}");
+        // However far its wheels have turned.
+        assert!(states.iter().all(|s| (s[2] - height).abs() < 0.01), "{substeps} substeps: not at {height} m");
     }
 }

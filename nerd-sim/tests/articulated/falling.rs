@@ -4,21 +4,12 @@ use std::sync::Arc;
 
 use nerd_sim::nerd_core::dynamics::{Data, totals};
 use nerd_sim::prelude::*;
-use nerd_sim::scene::contacts;
 
 use crate::common::*;
 
-/// Kinetic and potential energy, and that in the springs of contacts and limits (J).
+/// Kinetic and potential energy, and that in springs (J).
 fn energy(system: &System, scene: &Scene, state: &[f64], data: &mut Data) -> f64 {
-    let (robot, mut events) = (&system.robot, Vec::new());
-    contacts(robot, scene, state, data, &mut events);
-    let pressed = robot.contact_points.iter().zip(&events).map(|(point, event)| {
-        let k = scene.colliders[event.collider].material.mean(&system.spec.material).stiffness;
-        0.5 * k * (event.distance - point.radius).min(0.0).powi(2)
-    });
-    let ends = state[robot.root_coords()..].iter().zip(robot.joints());
-    let bent = ends.filter_map(|(q, j)| j.limit.map(|l| 0.5 * l.stiffness * (q - q.clamp(l.lower, l.upper)).powi(2)));
-    pressed.sum::<f64>() + bent.sum::<f64>() + totals(robot, state, data).energy(&scene.gravity)
+    system.stored(scene, state, data) + totals(&system.robot, state, data).energy(&scene.gravity)
 }
 
 /// The largest rise from one frame to a later one, of what the fall has released.

@@ -1,8 +1,7 @@
 //! Sampling ranges as text: what is read is finite and within its ends, what is not is refused in one line.
 
 use nerd_sim::range::Range;
-use proptest::prelude::*;
-use rand::SeedableRng;
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 fn range(text: &str) -> Result<Range, String> {
@@ -26,27 +25,14 @@ fn numbers_multiples_of_pi_and_fractions() {
     assert!(range(&format!("U(0, {}1)", "1/".repeat(1_000_000))).is_err());
 }
 
-proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
-
-    #[test]
-    fn any_text_at_all(text in "\\PC{0,60}") {
-        prop_assert!(range(&text).is_ok_and(|l| l.low.is_finite() && l.high.is_finite()) || range(&text).is_err());
-    }
-
-    #[test]
-    fn pieces(pieces in prop::collection::vec(prop::sample::select(vec!["U(", ")", ",", " ", "pi", "-", "/", "1e308", "2", ".5", "inf"]), 0..12)) {
-        if let Ok(l) = range(&pieces.concat()) {
-            let x = l.draw(&mut ChaCha8Rng::seed_from_u64(0));
-            prop_assert!(l.low <= l.high && x.is_finite(), "{l}: {x}");
-        }
-    }
-
-    #[test]
-    fn what_is_written_is_read_again(a in -1e9..1e9f64, b in -1e9..1e9f64, seed in 0..100u64) {
+#[test]
+fn what_is_written_is_read_again() {
+    let mut rng = ChaCha8Rng::seed_from_u64(0);
+    for _ in 0..256 {
+        let [a, b] = [(); 2].map(|()| 1e9 * (2.0 * rng.random::<f64>() - 1.0));
         let ours = Range { low: a.min(b), high: a.max(b) };
-        prop_assert_eq!(range(&ours.to_string()), Ok(ours));
-        let x = ours.draw(&mut ChaCha8Rng::seed_from_u64(seed));
-        prop_assert!(ours.low <= x && x <= ours.high, "{} from {}", x, ours);
+        assert_eq!(range(&ours.to_string()), Ok(ours));
+        let x = ours.draw(&mut rng);
+        assert!(ours.low <= x && x <= ours.high, "{x} from {ours}");
     }
 }

@@ -1,8 +1,7 @@
-//! What a specification says is either refused by its key, in one line, or gives finite motion.
+//! What a specification says is refused by its key, in one line, where it cannot be. That all else moves finitely is for the campaign.
 
 use nerd_sim::dataset::{GenerateConfig, record};
 use nerd_sim::prelude::*;
-use proptest::prelude::*;
 
 use super::common::*;
 
@@ -105,28 +104,6 @@ fn every_number_is_looked_at() {
         for number in ["nan", "inf", "-inf", "-1e300", "1e300"] {
             let error = line(system(&with(range, number)));
             assert!(error.contains(key.as_str()), "{key} = {number}: `{error}`");
-        }
-    }
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig { cases: 200, failure_persistence: None, ..ProptestConfig::default() })]
-
-    /// Refused by key in one line, or finite for half a second; a step that fails says where.
-    #[test]
-    fn what_is_accepted_moves_finitely(which in 0..1000usize, mantissa in -10.0..10.0f64, power in -12..12i32) {
-        let numbers = numbers();
-        let (range, key) = &numbers[which % numbers.len()];
-        let number = format!("{:e}", mantissa * 10f64.powi(power));
-        match system(&with(range, &number)) {
-            // No clear start follows from several keys together.
-            Err(e) => prop_assert!((e.contains(key) || e.contains("clearance")) && !e.contains('\n'), "{key} as {number}: `{e}`"),
-            Ok(system) => {
-                let config = GenerateConfig { transitions: 60, frames: 30, ..Default::default() };
-                if let Ok(r) = record(&system.into(), &mut implicit(16), &config, 0, 2) {
-                    prop_assert!(r.states.iter().all(|x| x.is_finite()), "{key} as {number} is accepted, its motion is not finite");
-                }
-            }
         }
     }
 }

@@ -96,39 +96,26 @@ impl Device {
 
     /// The model of a folder as a solver of `system` for so many environments; one of `truth`, if that is named.
     pub fn neural(self, folder: &Path, system: &Arc<System>, truth: Option<&str>, envs: usize) -> Result<Box<dyn Solver>> {
-        self.solver(Model::load(folder, system, truth)?, system, envs, |network| network)
+        self.solver(Model::load(folder, system, truth)?, system, envs)
     }
 
-    /// A model as a solver of `system` for so many environments: whole frames are computed on a GPU where they can be, or else the network,
-    /// around which `wrap` may put something.
-    pub fn solver(
-        self,
-        model: Model,
-        system: &Arc<System>,
-        envs: usize,
-        wrap: impl FnOnce(Box<dyn Stream>) -> Box<dyn Stream> + Send + 'static,
-    ) -> Result<Box<dyn Solver>> {
+    /// A model as a solver of `system` for so many environments: whole frames are computed on a GPU where they can be, or else the network.
+    pub fn solver(self, model: Model, system: &Arc<System>, envs: usize) -> Result<Box<dyn Solver>> {
         #[cfg(feature = "cuda")]
         if self == Self::Cuda {
             let (own, of) = (model.clone(), system.clone());
-            return card::frames(model, system, move || self.alone(own, &of, envs, wrap));
+            return card::frames(model, system, move || self.alone(own, &of, envs));
         }
-        self.alone(model, system, envs, wrap)
+        self.alone(model, system, envs)
     }
 
     /// A model whose network alone is on this device; of a chain that is on the CPU, too.
-    fn alone(
-        self,
-        model: Model,
-        system: &Arc<System>,
-        envs: usize,
-        wrap: impl FnOnce(Box<dyn Stream>) -> Box<dyn Stream>,
-    ) -> Result<Box<dyn Solver>> {
+    fn alone(self, model: Model, system: &Arc<System>, envs: usize) -> Result<Box<dyn Solver>> {
         if model.config.network.architecture == Architecture::Chain {
             return Ok(learned(model, system)?);
         }
         let network = self.network(&model.weights, envs)?;
-        Ok(Box::new(Neural::new(model, system, wrap(network))))
+        Ok(Box::new(Neural::new(model, system, network)))
     }
 }
 

@@ -145,7 +145,7 @@ impl Arena {
             Self::Model { folder, device } => {
                 let model = Model::load(folder, &system, None)?;
                 let reach = model.config.network.reach();
-                (device.solver(model, &system, n, |network| network)?, reach)
+                (device.solver(model, &system, n)?, reach)
             }
             Self::Judge(setting) => (setting.solver(&system)?, 0),
             #[cfg(feature = "cuda")]

@@ -198,7 +198,7 @@ pub(super) fn export(plan: &Plan, run: &Identity, normalizer: Normalizer, weight
         run.data_sha256,
     );
     // What is added to flight bears ten bits (a pendulum on ground 1: 0.0074 rad either way); a whole frame does not (0.013
-    // becomes 0.017): for that `cargo xtask light` rounds with more care.
+    // becomes 0.017).
     let storage = if run.base.moves() { Storage::F16 } else { Storage::F32 };
     let folder = out.join("model");
     Model { config, normalizer, weights }.save(&folder, &card, storage)?;

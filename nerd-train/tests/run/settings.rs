@@ -134,30 +134,6 @@ fn a_chain_goes_on_where_it_was_left() {
     assert!(time(&card) == before, "the first run was made again");
 }
 
-#[test]
-fn options_that_mean_nothing_together_are_refused_before_anything_is_made() {
-    let folder = tempfile::tempdir().expect("temporary folder");
-    let out = folder.path().join("run");
-    let wrong = |change: fn(&mut RunConfig), words: &str| {
-        let mut run = tiny(out.clone());
-        change(&mut run);
-        let said = Run::new(&run).err().map_or_else(String::new, |e| e.to_string());
-        assert!(said.contains(words) && !out.exists(), "`{said}` does not name {words}");
-    };
-    wrong(|r| r.sequence = Some(32), "--sequence");
-    wrong(|r| r.record.policy_share = 0.2, "--policy-share");
-    wrong(|r| (r.epsilon, r.from) = (Some(1e-5), Some("x".into())), "--epsilon");
-    wrong(|r| r.f32 = true, "--f32");
-    wrong(|r| (r.base, r.draft) = (BaseName::Flight, 3), "--draft");
-    wrong(|r| (r.base, r.variant) = (BaseName::Flight, Variant::Absolute), "--variant");
-    wrong(|r| (r.base, r.variant) = (BaseName::Draft, Variant::EndToEnd), "--base");
-    wrong(|r| r.robot.clear(), "--robot");
-    wrong(|r| r.out = PathBuf::new(), "--out");
-    wrong(|r| r.embedding = 50, "heads");
-    wrong(|r| (r.data, r.fresh) = (Some("x".into()), 1), "--fresh");
-    wrong(|r| r.record.policy = vec!["/nowhere".into()], "/nowhere");
-}
-
 /// Tokens before the run, fresh ones beside it and the rollouts that choose its weights are all on the base; the model says so. What a run
 /// learns where no truth is named is its robot's own.
 #[test]
