@@ -4,8 +4,6 @@
 //! themselves. By folder, a use counts between the two names at which the files' paths part; a folder's own `mod.rs` is left out there,
 //! since its children may use what it defines.
 
-mod modules;
-mod paths;
 mod read;
 mod resolve;
 

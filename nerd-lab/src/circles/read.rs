@@ -1,12 +1,36 @@
-//! A crate's modules as its sources declare them.
+//! A crate's modules as its sources declare them: their names, their imports, and the paths that they use, also those in macros and
+//! attributes.
 
-use std::path::Path;
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use syn::{Attribute, Item, Visibility};
+use proc_macro2::{TokenStream, TokenTree};
+use quote::ToTokens;
+use syn::spanned::Spanned;
+use syn::{Attribute, Item, ItemUse, UseTree, Visibility};
 
-use super::modules::{Module, Name};
-use super::paths::Paths;
+/// What a name in a module means. A name may mean several things: a module and a function, or one thing for each feature.
+pub enum Name {
+    Module(usize),
+    Item,
+    Import(Vec<String>),
+}
+
+pub struct Used {
+    pub path: Vec<String>,
+    pub line: usize,
+}
+
+/// A module. An inline module has its parent's file.
+#[derive(Default)]
+pub struct Module {
+    pub file: PathBuf,
+    pub parent: Option<usize>,
+    pub names: HashMap<String, Vec<Name>>,
+    pub globs: Vec<Used>,
+    pub used: Vec<Used>,
+}
 
 /// All modules below `src/lib.rs` or `src/main.rs`, which is the first. Tests are left out, features are not.
 pub fn read(root: &Path) -> Result<Vec<Module>> {
@@ -47,13 +71,69 @@ fn module(modules: &mut Vec<Module>, path: &Path, parent: Option<usize>, folder:
         if let Some(name) = defined(item) {
             modules[id].names.entry(name).or_default().push(Name::Item);
         }
-        if let Item::Use(import) = item {
-            modules[id].import(&[], &import.tree, matches!(import.vis, Visibility::Inherited));
-            continue;
+        match item {
+            Item::Use(import) => modules[id].import(&[], &import.tree, matches!(import.vis, Visibility::Inherited)),
+            _ => modules[id].scan(item.to_token_stream()),
         }
-        Paths::of(&mut modules[id], item);
     }
     Ok(id)
+}
+
+impl Module {
+    /// Takes the names of a `use` below a path; one that is private is also a use of what it names.
+    fn import(&mut self, above: &[String], tree: &UseTree, private: bool) {
+        let line = tree.span().start().line;
+        let below = |name: &syn::Ident| if name == "self" { above.to_vec() } else { [above, &[name.to_string()]].concat() };
+        match tree {
+            UseTree::Path(part) => self.import(&below(&part.ident), &part.tree, private),
+            UseTree::Group(group) => group.items.iter().for_each(|part| self.import(above, part, private)),
+            UseTree::Glob(_) => self.globs.push(Used { path: above.into(), line }),
+            UseTree::Name(leaf) => self.name(below(&leaf.ident), None, line, private),
+            UseTree::Rename(leaf) => self.name(below(&leaf.ident), Some(leaf.rename.to_string()), line, private),
+        }
+    }
+
+    fn name(&mut self, path: Vec<String>, renamed: Option<String>, line: usize, private: bool) {
+        let name = renamed.or_else(|| path.last().cloned()).unwrap_or_default();
+        self.names.entry(name).or_default().push(Name::Import(path.clone()));
+        self.used.extend(private.then_some(Used { path, line }));
+    }
+
+    /// Paths in an item's text: names joined by `::`, types, what is called, and what is imported within. A small name alone is a
+    /// variable, unless it is called; what follows a dot or two colons is part of something else.
+    fn scan(&mut self, tokens: TokenStream) {
+        let tokens: Vec<TokenTree> = tokens.into_iter().collect();
+        let is = |k: usize, c: char| matches!(tokens.get(k), Some(TokenTree::Punct(p)) if p.as_char() == c);
+        let group = |k: usize| matches!(tokens.get(k), Some(TokenTree::Group(_)));
+        let mut k = 0;
+        while k < tokens.len() {
+            match &tokens[k] {
+                TokenTree::Group(group) => self.scan(group.stream()),
+                TokenTree::Ident(first) if first == "use" => {
+                    let end = (k..tokens.len()).find(|k| is(*k, ';')).map_or(tokens.len(), |end| end + 1);
+                    if let Ok(import) = syn::parse2::<ItemUse>(tokens[k..end].iter().cloned().collect()) {
+                        self.import(&[], &import.tree, true);
+                        k = end - 1;
+                    }
+                }
+                TokenTree::Ident(first) => {
+                    let inside = k > 0 && (is(k - 1, '.') || is(k - 1, ':') && k > 1 && is(k - 2, ':'));
+                    let (mut path, line) = (vec![first.to_string()], first.span().start().line);
+                    while is(k + 1, ':') && is(k + 2, ':') {
+                        let Some(TokenTree::Ident(next)) = tokens.get(k + 3) else { break };
+                        path.push(next.to_string());
+                        k += 3;
+                    }
+                    let called = is(k + 1, '!') && group(k + 2) || group(k + 1);
+                    if !inside && (path.len() > 1 || called || path[0].starts_with(char::is_uppercase)) {
+                        self.used.push(Used { path, line });
+                    }
+                }
+                _ => {}
+            }
+            k += 1;
+        }
+    }
 }
 
 fn of_tests(attribute: &Attribute) -> bool {

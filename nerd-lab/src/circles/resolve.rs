@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::modules::{Module, Name};
+use super::read::{Module, Name};
 
 #[derive(PartialEq, Eq, PartialOrd, Ord)]
 pub struct Use {

@@ -6,6 +6,7 @@ use nerd_core::dynamics::{Data, kinematics, totals};
 use nerd_core::state::quaternion;
 use nerd_sim::drive::holding;
 use nerd_sim::scene::foot;
+use nerd_sim::suite::rise;
 use nerd_sim::system::pose_of;
 
 use super::each;
@@ -117,13 +118,8 @@ fn limp(system: &System, scene: &Scene, start: &[f64], frames: &[Vec<f64>]) -> L
     let mut energy =
         |state: &[f64]| totals(&system.robot, state, &mut data).energy(&system.gravity()) + system.stored(scene, state, &mut data);
     let energies: Vec<f64> = std::iter::once(start).chain(frames.iter().map(Vec::as_slice)).map(&mut energy).collect();
-    let mut least = f64::INFINITY;
-    let rise = energies.iter().fold(0.0, |rise: f64, e| {
-        least = least.min(*e);
-        rise.max(e - least)
-    });
     let deepest = frames.iter().map(|state| -lowest(system, state)).fold(0.0, f64::max);
-    Limp { lost: energies[0] - energies[energies.len() - 1], rise, deepest }
+    Limp { lost: energies[0] - energies[energies.len() - 1], rise: rise(energies), deepest }
 }
 
 /// Each robot stands and falls; what cannot has a line.

@@ -31,7 +31,7 @@ mod trial;
 
 pub use method::Method;
 pub use row::{Cell, Line, Row, Verdict};
-pub use trial::Error;
+pub use trial::{Error, rise};
 
 /// Rows to be asked.
 #[derive(Clone, Debug)]

@@ -81,6 +81,15 @@ impl Motion {
     }
 }
 
+/// The largest rise of an energy (J) over its least before.
+pub fn rise(energies: impl IntoIterator<Item = f64>) -> f64 {
+    let mut least = f64::INFINITY;
+    energies.into_iter().fold(0.0, |rise, e| {
+        least = least.min(e);
+        rise.max(e - least)
+    })
+}
+
 /// Sets the torques of a frame: `(state, torques)`.
 pub(super) type Drive<'a> = dyn FnMut(&[f64], &mut [f64]) + 'a;
 

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 
 use crate::scene::{GRAVITY, points};
 use crate::suite::row::Row;
-use crate::suite::trial::{Error, Trial};
+use crate::suite::trial::{Error, Trial, rise};
 use crate::system::System;
 
 pub(super) static ROWS: [Row; 3] = [
@@ -68,13 +68,7 @@ fn fall(trial: &Trial) -> Result<f64, Error> {
     // Bent a little to the side, or it would fall in a plane.
     state[..40].iter_mut().step_by(2).enumerate().for_each(|(k, q)| *q = 0.1 * (PI * k as f64 / 10.0).sin());
     let motion = trial.passive(&system, "plane", &state, 120)?;
-    let energy: Vec<f64> = motion.energies().iter().zip(motion.stored()).map(|(a, b)| a + b).collect();
-    let mut least = energy[0];
-    let gain = energy.iter().map(|e| {
-        least = least.min(*e);
-        e - least
-    });
-    let gain = gain.fold(0.0, f64::max);
+    let gain = rise(motion.energies().iter().zip(motion.stored()).map(|(a, b)| a + b));
     let heights = motion.totals();
     let fallen = heights[0].com.z - heights.iter().map(|t| t.com.z).fold(f64::MAX, f64::min);
     Ok(if fallen > 0.1 { gain / (0.08 * GRAVITY * fallen) } else { 1.0 })

@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use nerd_core::state::vector;
 
 use crate::suite::row::Row;
-use crate::suite::trial::{Error, Motion, Trial};
+use crate::suite::trial::{Error, Motion, Trial, rise};
 use crate::system::System;
 
 /// Speed forwards (m/s), and about the axis across it (rad/s): it turns over as it runs.
@@ -57,13 +57,10 @@ fn run(trial: &Trial, height: f64) -> Result<(Arc<System>, Motion), Error> {
 fn energy(trial: &Trial) -> Result<f64, Error> {
     let (_, motion) = run(trial, 0.8)?;
     let (totals, stored) = (motion.totals(), motion.stored());
-    let own = motion.energies().iter().zip(&stored).zip(&motion.work).map(|((e, s), w)| e + s - w).collect::<Vec<_>>();
-    let rise = own.iter().scan(f64::INFINITY, |least, e| {
-        *least = least.min(*e);
-        Some(e - *least)
-    });
+    let energies = motion.energies();
+    let rise = rise(energies.iter().zip(&stored).zip(&motion.work).map(|((e, s), w)| e + s - w));
     let way = vector(motion.last()) - vector(&motion.states[0]);
-    Ok(if way.norm() > 1.0 { rise.fold(0.0, f64::max) / totals[0].kinetic } else { 1.0 })
+    Ok(if way.norm() > 1.0 { rise / totals[0].kinetic } else { 1.0 })
 }
 
 /// Largest change of linear momentum but for gravity's, and of angular momentum about the centre of mass, each of its first.
