@@ -89,18 +89,4 @@ fn rounds_follow_each_other_and_a_second_call_makes_nothing_anew() {
     let mut late = config.clone();
     late.minutes = Some(1e-9);
     assert_eq!(co_train(task(), late, Some(folder.path().join("late"))).expect("a loop").end, End::Time);
-
-    let nowhere = folder.path().join("nowhere");
-    let wrong = |tasks: &[&str], change: fn(&mut CoTrainConfig), words: &str| {
-        let (tasks, mut config) = (tasks.iter().map(ToString::to_string).collect(), config.clone());
-        change(&mut config);
-        let refused = co_train(tasks, config, Some(nowhere.clone())).err().map_or_else(String::new, |e| e.to_string());
-        assert!(refused.contains(words) && !refused.contains('\n') && !nowhere.exists(), "`{refused}` is not one line that names {words}");
-    };
-    wrong(&["cartpole-swingup", "ant-run"], |_| (), "`ant`");
-    wrong(&["cartpole-swingup", "cartpole-swingup"], |_| (), "twice");
-    wrong(&[], |_| (), "task");
-    wrong(&["ant-run"], |c| c.model = None, "trains `cartpole`");
-    wrong(&["cartpole-swingup"], |c| c.recipe = Some("unicorn".into()), "unicorn");
-    wrong(&["cartpole-swingup"], |c| c.model = Some("/nowhere".into()), "/nowhere");
 }

@@ -186,10 +186,6 @@ fn a_robot_without_joints_moves_like_any_other() {
         assert_eq!(moved.rows.len(), 4, "{robot}: one and two substeps, and two that know no dynamics");
         assert!(moved.rows.iter().all(|row| row.lost == 0 && row.motions.len() == 2 && row.curve.len() == 12), "{robot}");
     }
-    let mut here = motions("cube");
-    here.environments = Some(64);
-    let refused = refusal(here.errors());
-    assert!(refused.contains("--environments") && refused.contains("--device cuda"), "{refused}");
 }
 
 #[test]

@@ -2,10 +2,10 @@
 
 use std::io::{IsTerminal, Write};
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use nerd_sim::system::System;
 
 static QUIET: AtomicBool = AtomicBool::new(false);
@@ -40,16 +40,13 @@ const EVERY: Duration = Duration::from_secs(20);
 /// Progress of one piece of work, with throughput and time left.
 #[derive(Debug)]
 pub struct Bar {
-    bar: Option<ProgressBar>,
+    /// Hidden where there is no terminal.
+    bar: ProgressBar,
     what: String,
-    total: u64,
-    done: AtomicU64,
     /// Units and time the estimate of the time left starts from.
     origin: (u64, Instant),
-    printed: Mutex<Instant>,
-    /// A part of parallel work: only the bar around it is shown.
-    inner: bool,
-    said: Mutex<String>,
+    /// When a line was last printed; of a part of parallel work none is, since only the bar around it is shown.
+    printed: Option<Mutex<Instant>>,
 }
 
 /// Starts a bar over `total` units of `what`.
@@ -60,67 +57,54 @@ pub fn bar(what: &str, total: u64) -> Bar {
 /// Starts a bar over `total` units of `what`, of which `done` were done before.
 pub fn bar_from(what: &str, done: u64, total: u64) -> Bar {
     let inner = rayon::current_thread_index().is_some() || QUIET.load(Ordering::Relaxed);
-    let bar = (std::io::stderr().is_terminal() && !inner).then(|| {
-        let bar = ProgressBar::new(total);
-        if let Ok(style) = ProgressStyle::with_template("{msg} {bar:30} {human_pos}/{human_len}, {per_sec}, {eta} left") {
-            bar.set_style(style);
-        }
-        bar.set_position(done);
-        bar.reset_eta();
-        bar.with_message(what.to_string())
-    });
+    let shown = std::io::stderr().is_terminal() && !inner;
+    let target = if shown { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+    let bar = ProgressBar::with_draw_target(Some(total), target).with_message(what.to_string());
+    if let Ok(style) = ProgressStyle::with_template("{msg} {bar:30} {human_pos}/{human_len}, {per_sec}, {eta} left") {
+        bar.set_style(style);
+    }
+    bar.set_position(done);
+    bar.reset_eta();
     let now = Instant::now();
-    Bar { bar, what: what.into(), total, done: done.into(), origin: (done, now), printed: Mutex::new(now), inner, said: Mutex::default() }
+    Bar { bar, what: what.into(), origin: (done, now), printed: (!shown && !inner).then(|| Mutex::new(now)) }
 }
 
 impl Bar {
     /// `done` units are done, with those of before.
     pub fn set(&self, done: u64) {
-        self.done.store(done, Ordering::Relaxed);
-        self.show(done);
+        self.bar.set_position(done);
+        self.print();
     }
 
     /// So many more are done.
     pub fn add(&self, more: u64) {
-        self.show(self.done.fetch_add(more, Ordering::Relaxed) + more);
+        self.bar.inc(more);
+        self.print();
     }
 
-    fn show(&self, done: u64) {
-        if let Some(bar) = &self.bar {
-            return bar.set_position(done);
-        }
-        let Ok(mut printed) = self.printed.lock() else { return };
-        if printed.elapsed() > EVERY && !self.inner {
+    fn print(&self) {
+        let Some(Ok(mut printed)) = self.printed.as_ref().map(Mutex::lock) else { return };
+        if printed.elapsed() > EVERY {
+            let (done, total) = (self.bar.position(), self.bar.length().unwrap_or_default());
             let rate = done.saturating_sub(self.origin.0) as f64 / self.origin.1.elapsed().as_secs_f64();
-            let left = self.total.saturating_sub(done) as f64 / rate.max(1e-9);
-            let said = self.said.lock().map(|said| said.clone()).unwrap_or_default();
-            tell!("{} {done}/{}, {rate:.0}/s, {left:.0} s left{said}", self.what, self.total);
+            let left = total.saturating_sub(done) as f64 / rate.max(1e-9);
+            tell!("{} {done}/{total}, {rate:.0}/s, {left:.0} s left", self.bar.message());
             *printed = Instant::now();
         }
     }
 
     /// What else is to be known now, for example how well it goes.
     pub fn say(&self, text: &str) {
-        if let Some(bar) = &self.bar {
-            bar.set_message(format!("{}: {text}", self.what));
-        }
-        if let Ok(mut said) = self.said.lock() {
-            *said = format!("; {text}");
-        }
+        self.bar.set_message(format!("{}: {text}", self.what));
     }
 
     /// A line of its own, which stays.
     pub fn line(&self, text: &str) {
-        match &self.bar {
-            Some(bar) => bar.println(text),
-            None => tell!("{text}"),
-        }
+        if self.bar.is_hidden() { tell!("{text}") } else { self.bar.println(text) }
     }
 
     /// Takes the bar away.
     pub fn finish(self) {
-        if let Some(bar) = self.bar {
-            bar.finish_and_clear();
-        }
+        self.bar.finish_and_clear();
     }
 }

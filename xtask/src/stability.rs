@@ -3,13 +3,12 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use nerd_lab::experiments::Experiment;
 use nerd_lab::experiments::learned::Learned;
-use nerd_lab::experiments::stability::{Fault, Stability};
+use nerd_lab::experiments::stability::Stability;
 use nerd_train::device::Device;
 
 use crate::options::{DEVICES, unused, word};
-use crate::out::{conduct, tables};
+use crate::out::conduct;
 
 /// Show where methods fail.
 #[derive(clap::Args, Clone, Debug)]
@@ -17,9 +16,6 @@ pub struct StabilityArgs {
     /// Rows whose name contains one of these words, comma-separated [default: all]
     #[arg(long, value_delimiter = ',')]
     pub rows: Vec<String>,
-    /// Break every method on purpose, to see rows fail; nothing is written
-    #[arg(long, value_parser = word::<Fault>(Fault::NAMES))]
-    pub fault: Option<Fault>,
     /// Model folders, comma-separated: asks of learned models, in their place, written as stability-FOLDER
     #[arg(long, value_delimiter = ',')]
     pub model: Vec<PathBuf>,
@@ -33,15 +29,6 @@ pub struct StabilityArgs {
 
 /// Runs the verb.
 pub fn run(args: StabilityArgs) -> Result<()> {
-    if let Some(fault) = args.fault {
-        unused(&[("--out", args.out.is_some())], "beside --fault, under which nothing is written")?;
-        unused(&[("--device", args.device.is_some())], "beside --fault, which breaks the CPU's methods")?;
-        unused(&[("--model", !args.model.is_empty())], "beside --fault, which breaks the analytic methods")?;
-        let broken = Stability::new(&args.rows, Some(fault))?;
-        tables(&broken.measure()?.tables);
-        say!("rows that {} must turn red: {}", fault.name(), broken.reddened(fault).join(", "));
-        return Ok(());
-    }
     let out = args.out.unwrap_or_else(nerd_train::shipped::results);
     if args.device == Some(Device::Cuda) {
         unused(&[("--model", !args.model.is_empty())], "beside --device cuda")?;
@@ -51,7 +38,7 @@ pub fn run(args: StabilityArgs) -> Result<()> {
         anyhow::bail!("--device cuda needs a build with `--features cuda`");
     }
     if args.model.is_empty() {
-        return conduct(&Stability::new(&args.rows, None)?, &out).map(drop);
+        return conduct(&Stability::new(&args.rows)?, &out).map(drop);
     }
     let models = args.model.iter().map(|folder| Learned::new(folder, &args.rows)).collect::<Result<Vec<_>>>()?;
     for model in models {

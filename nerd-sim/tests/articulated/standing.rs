@@ -7,7 +7,6 @@ use nalgebra::Vector3;
 use nerd_core::dynamics::{Data, kinematics, point_position};
 use nerd_core::state::{vector, write_quaternion};
 use nerd_sim::prelude::*;
-use nerd_sim::suite::bodies::Body;
 
 use super::common::*;
 
@@ -77,30 +76,5 @@ fn a_push_below_the_friction_does_not_move_it() {
         let slid = (path[359][1] - path[119][1]).norm();
         println!("x{substeps}: {slid:.4} m in 4 s");
         assert!(path[359][0].z > 0.6 && slid < 5e-3, "implicit x{substeps}: pushed aside a foot slides by {slid} m in 4 s, allowed 5 mm");
-    }
-}
-
-/// A table of 50 kg on four round feet, friction 0.5: at nine tenths of what it holds it stays, beyond that it slides by what
-/// is left over, under every preset.
-#[test]
-fn a_table_slides_from_coulombs_force_on() {
-    let feet = [[0.4, 0.3], [-0.4, 0.3], [0.4, -0.3], [-0.4, -0.3]];
-    let feet = feet.map(|[x, y]| collision([x, y, -0.1], r#"<sphere radius="0.03"/>"#)).concat();
-    let table = urdf(&[link("table", 50.0, [0.0; 3], [2.0, 3.0, 4.0], &feet)]);
-    let system = Arc::new(System::bare("table", &table, true).expect("a table"));
-    for (name, config) in [
-        ("paper", ArticulatedConfig::paper(&system, Friction::Coulomb)),
-        ("implicit x4", ArticulatedConfig::implicit(4, Friction::Coulomb)),
-        ("implicit x32", ArticulatedConfig::implicit(32, Friction::Coulomb)),
-    ] {
-        for share in [0.5, 0.9, 1.2, 2.0] {
-            let room = leaning(&system.scene("plane").expect("a plane"), share * 0.5 * 9.81);
-            // Where its feet carry it.
-            let begun = within(&system, &room, &Body::at([0.0, 0.0, 0.13 - 50.0 * 9.81 / 4e5]));
-            let x = end(&mut Articulated::new(config), begun, 0.0, 60)[0];
-            let slide = 0.5 * (share - 1.0f64).max(0.0) * 0.5 * 9.81;
-            println!("{name}, {share} of mu N: {x:.5} m in 1 s, textbook {slide:.5}");
-            assert!((x - slide).abs() < 2e-3 + 0.02 * slide, "{name}: at {share} of mu N it slides {x} m in 1 s, textbook {slide}");
-        }
     }
 }

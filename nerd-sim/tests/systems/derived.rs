@@ -83,17 +83,6 @@ fn a_part_of_a_toml_overrides_what_the_urdf_suggests() {
     let armatures: Vec<f64> = system.robot.joints().map(|j| j.armature).collect();
     assert_eq!(armatures, [0.0, 0.03, 0.0, 0.0], "no drive inertia that the file does not give");
     assert_eq!(system.joint_specs().nth(1).map(|j| j.kp), plain.joint_specs().nth(1).map(|j| j.kp), "the rest of the joint is what it was");
-    for (text, said) in [
-        ("like = \"urdf\"\njoint = 3", "[[joint]]"),
-        ("like = \"urdf\"\n[[joint]]\nname = \"hip1\"\n[[joint]]\nname = \"hip1\"", "twice"),
-        ("like = \"urdf\"\nflotaing = true", "flotaing"),
-        ("like = \"urdf\"\n[[joint]]\nname = \"knee\"", "knee"),
-        ("like = \"urdf\"\nsubsteps = 0", "substeps"),
-        ("like = \"me\"", "like"),
-    ] {
-        let error = line(read(&table(1.0, ""), Some(text)));
-        assert!(error.contains(said), "{text}: {error}");
-    }
 }
 
 /// A point on its own axis resists no turn: that joint alone, and a note.

@@ -1,32 +1,12 @@
-//! Checkpoints, records, schedule and draws.
+//! Records, schedule and draws.
 
-use nerd_model::transformer::{Storage, TransformerConfig};
-use nerd_train::checkpoint::{load, save};
 use nerd_train::learner::LearnerConfig;
 use nerd_train::records::Record;
 use nerd_train::schedule::Schedule;
 use nerd_train::trainer::TrainerConfig;
 use nerd_train::windows::draw;
 
-use crate::common::{LEARNER, NETWORK, fresh};
-
-#[test]
-fn what_is_no_checkpoint_of_this_network_is_refused() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("last.safetensors");
-    assert!(load(&path, &NETWORK).unwrap_err().to_string().contains("last.safetensors"));
-    save(&path, &fresh(), "{}").unwrap();
-    assert!(load(&path, &NETWORK).unwrap().0 == fresh());
-    assert!(save(&path.join("below-a-file.safetensors"), &fresh(), "{}").is_err());
-    let wide = TransformerConfig { embedding: 32, ..NETWORK };
-    let error = load(&path, &wide).unwrap_err().to_string();
-    assert!(error.contains("\"embedding\":16") && error.contains("\"embedding\":32"), "{error}");
-    let bytes = std::fs::read(&path).unwrap();
-    std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
-    assert!(load(&path, &NETWORK).unwrap_err().to_string().contains("cut short"));
-    std::fs::write(&path, fresh().weights.to_bytes(Default::default(), Storage::F32).unwrap()).unwrap();
-    assert!(load(&path, &NETWORK).unwrap_err().to_string().contains("`network`"));
-}
+use crate::common::LEARNER;
 
 #[test]
 fn a_reopened_record_drops_what_will_be_written_again() {

@@ -3,7 +3,6 @@
 mod campaign;
 mod project;
 mod ranks;
-mod reference;
 mod refusals;
 mod report;
 mod robots;

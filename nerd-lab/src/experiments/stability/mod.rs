@@ -1,6 +1,5 @@
-//! The stability map: every row of [`nerd_sim::suite`] under every analytic method, and the faults that show its rows can fail.
+//! The stability map: every row of [`nerd_sim::suite`] under every analytic method.
 
-mod fault;
 mod methods;
 
 #[cfg(feature = "cuda")]
@@ -13,7 +12,6 @@ use nerd_sim::prelude::{ArticulatedConfig, Friction, Solver};
 use nerd_sim::suite::{Cell, Line, Method, Suite, Verdict};
 
 use crate::prelude::*;
-pub use fault::Fault;
 pub use methods::{accurate, converged, known, paper};
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -48,7 +46,7 @@ impl StabilityMap {
     }
 }
 
-/// The suite under all analytic methods, perhaps broken ones.
+/// The suite under all analytic methods.
 pub struct Stability {
     name: String,
     suite: Suite,
@@ -57,9 +55,8 @@ pub struct Stability {
 
 impl Stability {
     /// The rows with one of `words` in their names, or all.
-    pub fn new(words: &[String], fault: Option<Fault>) -> Result<Self> {
-        let methods = known().into_iter().map(|method| fault.map_or(method.clone(), |fault| fault.of(method))).collect();
-        Ok(Self { name: "stability".into(), suite: Suite::new().only(words)?, methods })
+    pub fn new(words: &[String]) -> Result<Self> {
+        Ok(Self { name: "stability".into(), suite: Suite::new().only(words)?, methods: known() })
     }
 
     /// The same rows under the articulated solver's settings on a GPU, each beside its own on the CPU.
@@ -88,10 +85,6 @@ impl Stability {
 
     fn cells(&self) -> usize {
         self.suite.rows().len() * self.methods.len()
-    }
-
-    pub fn reddened(&self, fault: Fault) -> Vec<&'static str> {
-        self.suite.rows().iter().map(|r| r.name).filter(|name| fault.reddened().contains(name)).collect()
     }
 }
 
