@@ -230,10 +230,10 @@ fn every_judge_has_a_column_and_every_policy_a_row() {
         save(&at(name), &config, &policy, "# A card\n").expect("written");
     }
     let mut judges = Judges::default();
-    (judges.policy, judges.games, judges.substeps, judges.no_rapier) = (vec![at("swing"), at("reach")], 2, vec![3], true);
+    (judges.policy, judges.games) = (vec![at("swing"), at("reach")], 2);
     let judged = judges.measure().expect("played");
     let table = &judged.tables[0];
-    assert_eq!(table.header[2..], ["truth", "twice the substeps", "x3", "reference preset"]);
+    assert_eq!(table.header[2..], ["truth", "twice the substeps", "reference preset", "rapier"]);
     assert_eq!(table.rows.len(), 2, "{table:?}");
     // Nothing is touched, so RK4 at eight substeps goes where RK4 at four does.
     for row in judged.data["rows"].as_array().expect("rows") {

@@ -1,8 +1,7 @@
-//! Circles of imports within a crate, by file and by folder, from its parsed sources.
+//! Circles of imports within a crate, between files and folders, from its parsed sources.
 //!
 //! A file leads to each file that defines something it uses; `mod` declarations and re-exports are followed but lead nowhere
-//! themselves. By folder, a use counts between the two names at which the files' paths part; a folder's own `mod.rs` is left out there,
-//! since its children may use what it defines.
+//! themselves. A use counts between the two names at which the files' paths part: two files of a folder, or folders.
 
 mod read;
 mod resolve;
@@ -34,6 +33,7 @@ pub fn of_workspace(root: &Path) -> Result<Vec<String>> {
     Ok(lines)
 }
 
+/// One line for each circle in a crate.
 pub fn of_crate(entry: &Path) -> Result<Vec<String>> {
     let src = entry.parent().unwrap_or(Path::new(""));
     let mut uses = uses(&read::read(entry)?, src);
@@ -44,38 +44,26 @@ pub fn of_crate(entry: &Path) -> Result<Vec<String>> {
             *path = path.with_extension("").join("mod.rs");
         }
     }
-    let files = lines("by file", &uses, |u| Some((u.from.display().to_string(), u.to.display().to_string())));
-    Ok([files, lines("by folder", &uses, |u| siblings(&u.from, &u.to))].concat())
-}
-
-/// The names at which two paths part; none where one of them is a file of the folder itself.
-fn siblings(from: &Path, to: &Path) -> Option<(String, String)> {
-    let same = from.iter().zip(to.iter()).take_while(|(a, b)| a == b).count();
-    let name = |path: &Path| {
-        let own = path.iter().count() == same + 1 && ["mod.rs", "lib.rs", "main.rs"].iter().any(|own| path.ends_with(own));
-        (!own).then(|| path.iter().take(same + 1).collect::<PathBuf>().display().to_string())
-    };
-    Some((name(from)?, name(to)?))
-}
-
-fn lines(how: &str, uses: &[Use], ends: impl Fn(&Use) -> Option<(String, String)>) -> Vec<String> {
-    let mut graph = Graph::new();
-    let mut behind: BTreeMap<(String, String), Vec<&Use>> = BTreeMap::new();
-    for used in uses {
-        let Some((from, to)) = ends(used) else { continue };
+    let (mut graph, mut behind) = (Graph::new(), BTreeMap::<_, Vec<&Use>>::new());
+    for used in &uses {
+        let [from, to] = parted(&used.from, &used.to);
         *graph.entry(from.clone()).or_default().entry(to.clone()).or_default() += 1;
         behind.entry((from, to)).or_default().push(used);
     }
-    // Of names that are all files, the circles by file tell.
-    let new = |circle: &Vec<String>| how == "by file" || circle.iter().any(|name| !name.ends_with(".rs"));
     let line = |circle: Vec<String>| {
         let (first, last) = (circle[0].clone(), circle[circle.len() - 1].clone());
         let all = &behind[&(last, first.clone())];
         let closing: Vec<_> = all.iter().take(SHOWN).map(|u| format!("{}:{} {}", u.from.display(), u.line, u.path)).collect();
         let more = if all.len() > SHOWN { format!(" and {} more", all.len() - SHOWN) } else { String::new() };
-        format!("{how}: {} -> {first}, closed by {}{more}", circle.join(" -> "), closing.join(", "))
+        format!("{} -> {first}, closed by {}{more}", circle.join(" -> "), closing.join(", "))
     };
-    circles(&graph).into_iter().filter(new).map(line).collect()
+    Ok(circles(&graph).into_iter().map(line).collect())
+}
+
+/// The names at which two paths part.
+fn parted(from: &Path, to: &Path) -> [String; 2] {
+    let same = from.iter().zip(to.iter()).take_while(|(a, b)| a == b).count();
+    [from, to].map(|path| path.iter().take(same + 1).collect::<PathBuf>().display().to_string())
 }
 
 /// Edges from a name to names, each with how many uses it has.
@@ -133,24 +121,23 @@ mod tests {
     const OWN: &str = "pub struct Own;\npub use self::deep::Deep;\nmod deep;\n";
 
     #[test]
-    fn a_circle_is_found_by_file_and_by_folder() {
+    fn a_circle_is_found_through_a_reexport_and_in_a_macro() {
         let lib = ("lib.rs", "mod body;\npub mod name;\npub use body::Own;\n");
         let (body, deep) = (("body/mod.rs", OWN), ("body/deep.rs", "use crate::name::Name;\npub struct Deep(Name);\n"));
         // Through the re-export at the root, inside a macro.
         let name =
             ("name.rs", "#[derive(Debug)]\npub struct Name;\npub fn print() {\n    println!(\"{:?}\", crate::body::Deep::of(1));\n}\n");
         let end = "closed by name.rs:4 crate::body::Deep::of";
-        let file = format!("by file: body/deep.rs -> name.rs -> body/deep.rs, {end}");
-        assert_eq!(circles_of(&[lib, body, deep, name]), [file, format!("by folder: body -> name.rs -> body, {end}")]);
+        assert_eq!(circles_of(&[lib, body, deep, name]), [format!("body -> name.rs -> body, {end}")]);
     }
 
     #[test]
-    fn one_by_folder_alone_is_found() {
+    fn one_of_folders_alone_is_found() {
         let a = [("lib.rs", "mod a;\nmod b;\n"), ("a/mod.rs", "pub mod low;\npub mod high;\n"), ("a/low.rs", "pub struct Low;\n")];
         let b = [("a/high.rs", "use crate::b::*;\npub type High = Mid;\n"), ("b.rs", "use super::a::low;\npub struct Mid(low::Low);\n")];
         let lines = circles_of(&[a, [b[0], b[1], ("unused.rs", "")]].concat());
         assert_eq!(lines.len(), 1, "{lines:?}");
-        assert!(lines[0].starts_with("by folder: "), "{lines:?}");
+        assert!(lines[0].starts_with("a -> b.rs -> a"), "{lines:?}");
     }
 
     #[test]

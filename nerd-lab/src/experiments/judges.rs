@@ -18,10 +18,6 @@ settings! {
         games: usize = 64, Whole(STARTS);
         /// Python that has MuJoCo, for the last judge [default: none]
         mujoco: Option<PathBuf> = None, Text;
-        /// Judges too: our implicit step with so many substeps
-        substeps: Vec<u64> = Vec::new(), Wholes(1..=1024);
-        /// Leave rapier out, which takes most of the time
-        no_rapier: bool = false, Flag;
         /// Seed of the starts
         seed: u64 = 500, Whole(SEEDS);
     }
@@ -45,9 +41,8 @@ impl Judges {
         let bare = system.robot.contact_points.is_empty();
         let finer = if bare { Setting::Rk4(8) } else { Setting::Implicit(2 * system.spec.substeps) };
         let mut arenas = vec![("truth".to_string(), Arena::Truth(Truth::Articulated)), ("twice the substeps".into(), Arena::Judge(finer))];
-        arenas.extend(self.substeps.iter().map(|n| (format!("x{n}"), Arena::Judge(Setting::Implicit(*n as usize)))));
         arenas.push(("reference preset".into(), Arena::Judge(Setting::Paper)));
-        arenas.extend((!self.no_rapier).then(|| ("rapier".into(), Arena::Truth(Truth::Rapier))));
+        arenas.push(("rapier".into(), Arena::Truth(Truth::Rapier)));
         arenas.extend(self.mujoco.clone().map(|python| ("MuJoCo".into(), mujoco(python))));
         arenas
     }

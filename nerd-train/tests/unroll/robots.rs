@@ -3,11 +3,9 @@
 use std::sync::Arc;
 
 use nerd_model::base::Base;
-use nerd_model::device::padded;
 use nerd_model::features::Features;
 use nerd_model::form::{Form, View};
 use nerd_model::normalizer::Normalizer;
-use nerd_model::program::cpu::{Loaded, Memory};
 use nerd_model::transformer::{Architecture, TransformerConfig, Weights};
 use nerd_sim::dataset::GenerateConfig;
 use nerd_sim::prelude::*;
@@ -15,10 +13,10 @@ use nerd_train::learner::{Learner, LearnerConfig, LearnerState, Optimizer};
 use nerd_train::prepare::{generate, moments};
 use nerd_train::ranks::Ranks;
 use nerd_train::unroll::robot::Robot;
-use nerd_train::unroll::{Body, Course, Motions, OnCard, Place, Rollout, Unroll, UnrollLearner};
+use nerd_train::unroll::{Body, Course, Motions, Place, UnrollLearner};
 
-use crate::cpp;
-use crate::kernels::{Output, apart, some, worse};
+use crate::kernels::{ROLLOUTS, apart, apart_on_cpu, exact, some, worse};
+use crate::{cpp, rollouts};
 
 /// As the paper has it, with positions that go with their velocities, and with velocities of contact points.
 const ROBOTS: [(&str, Base, View); 11] = [
@@ -58,30 +56,10 @@ fn the_slope_of_a_rollout_is_that_of_differences() {
     // Others' upstream gradients are so large that they are limited.
     for (robot, form) in forms().filter(|(robot, form)| form.base == Base::State && *robot != "franka") {
         let (system, motions, normalizer) = case(robot, form);
-        let (weights, body) = (weights(&system, form), Robot::new(&system, form, &normalizer, &motions));
-        let frames = 4;
-        {
-            let course = Course { body: body.clone(), train: motions.clone(), validation: motions.clone(), frames };
-            let passed = |flat: &[f32]| {
-                let network = Loaded::new(weights.config.program(), flat);
-                let unroll = Unroll { course: &course, network: &network };
-                let begin = |k: usize| unroll.begin(Place { motion: k, frame: k, view: () });
-                let mut rollouts: Vec<Rollout<Robot>> = (0..12).map(begin).collect();
-                unroll.pass(&mut rollouts, 1.0 / 12.0, &mut Vec::<Memory>::new())
-            };
-            let (_, gradient) = passed(&weights.flat);
-            let size = gradient.iter().map(|g| f64::from(g * g)).sum::<f64>().sqrt();
-            let moved = |h: f64| {
-                let flat: Vec<f32> =
-                    weights.flat.iter().zip(&gradient).map(|(w, g)| (f64::from(*w) + h * f64::from(*g) / size) as f32).collect();
-                passed(&flat).0
-            };
-            let h = 3e-4;
-            let wanted = (moved(h) - moved(-h)) / (2.0 * h);
-            let off = (size / wanted - 1.0).abs();
-            println!("{robot}, {form:?}, {frames} frames: a slope of {size:.4}, by differences {wanted:.4}, off by {off:.1e}");
-            assert!(off < 2e-3, "{robot}, {form:?}, {frames} frames: a slope of {size:.4}, by differences {wanted:.4}, off by {off:.1e}");
-        }
+        let body = Robot::new(&system, form, &normalizer, &motions);
+        let course = Course { body, train: motions.clone(), validation: motions, frames: 4 };
+        let off = rollouts::slope_off(&course, &weights(&system, form), |_| (), 3e-4);
+        assert!(off < 2e-3, "{robot}, {form:?}: off by {off:.1e}");
     }
 }
 
@@ -143,60 +121,15 @@ fn rollouts_come_nearer_to_the_truth() {
 }
 
 #[test]
-fn kernels_roll_out_and_back_as_the_cpu_does() {
-    const ROLLOUTS: usize = 24;
-    const FRAME: usize = 3;
+fn kernels_roll_robots_out_and_back_as_the_cpu_does() {
     let Some(compiler) = cpp::Compiler::find() else { return };
     for (robot, form) in forms() {
         let (system, motions, normalizer) = case(robot, form);
         let body = Robot::new(&system, form, &normalizer, &motions);
-        let (d, n, inputs) = (system.robot.state_dim(), 2 * system.robot.nv(), Features::inputs(&system, form));
-        let colliders = motions.scenes.iter().map(|scene| scene.colliders.len()).max().unwrap_or(0);
-        let place = |i: usize, k: usize| Place { motion: i, frame: i % 30 + k, view: () };
-        let outputs: Vec<f32> = some(ROLLOUTS * d, 0.3).into_iter().map(|x| x as f32).collect();
-        let by_tokens: Vec<f32> = some(ROLLOUTS * inputs, 0.01).into_iter().map(|x| x as f32).collect();
-        let upstreams = some(ROLLOUTS * n, 5.0);
-        let head = [ROLLOUTS, motions.len(), motions.frames, FRAME];
-        let mut input: Vec<u8> = head.iter().flat_map(|x| (*x as i32).to_le_bytes()).collect();
-        let rows = (0..ROLLOUTS).flat_map(|i| Robot::row(&place(i, 0), true));
-        let torques = (0..motions.len()).flat_map(|i| (0..motions.frames).flat_map(|k| motions.torques(i, k).to_vec()).collect::<Vec<_>>());
-        let scenes = motions.scenes.iter().flat_map(|scene| body.record(&system, scene, colliders).expect("a scene with kernels"));
-        input.extend(rows.chain(motions.states().iter().copied()).chain(torques).chain(scenes).flat_map(f64::to_le_bytes));
-        input.extend(outputs.iter().chain(&by_tokens).flat_map(|x| x.to_le_bytes()));
-        input.extend(upstreams.iter().flat_map(|x| x.to_le_bytes()));
-        let output = compiler.run(&body.program(&system, ROLLOUTS, colliders).expect("it has kernels"), input);
-        let mut output = Output { bytes: &output };
-        let after = output.doubles(ROLLOUTS * d);
-        let (tokens, judged) = (output.floats(ROLLOUTS * padded(inputs)), output.doubles(ROLLOUTS));
-        let (slopes, by_outputs, fronts) = (output.doubles(ROLLOUTS * n), output.floats(ROLLOUTS * d), output.doubles(ROLLOUTS * n));
-
-        let (mut worst, mut scratch) = ([0.0f64; 6], body.memory());
-        for i in 0..ROLLOUTS {
-            let (own, mut expected) = (body.truth(&motions, &place(i, FRAME)), Vec::new());
-            let look = body.look(&own, &motions, &place(i, FRAME), &mut scratch, &mut expected);
-            let predicted = &outputs[i * d..][..d];
-            let moved = body.advance(&own, &look, predicted, &mut scratch);
-            let truth = body.truth(&motions, &place(i, FRAME + 1));
-            let mut all = body.level();
-            let cost = body.loss([&moved, &truth], FRAME + 1, 0.7, &mut all);
-            body.join(&mut all, &upstreams[i * n..][..n].to_vec(), 1 + i);
-            let mut front = body.level();
-            let wanted: Vec<f64> = body.advance_back(&own, &look, predicted, &all, &mut front).into_iter().map(f64::from).collect();
-            body.look_back(&own, &look, &by_tokens[i * inputs..][..inputs], &all, &mut front, &mut scratch);
-            let expected: Vec<f64> = expected.into_iter().map(f64::from).collect();
-            let found = [
-                apart(&after[i * d..][..d], &moved),
-                apart(&tokens[i * padded(inputs)..][..inputs], &expected),
-                apart(&judged[i..][..1], &[cost]),
-                apart(&slopes[i * n..][..n], &all),
-                apart(&by_outputs[i * d..][..d], &wanted),
-                apart(&fronts[i * n..][..n], &front),
-            ];
-            worst.iter_mut().zip(found).for_each(|(worst, found)| *worst = worse(*worst, found));
-        }
+        let starts: Vec<_> = (0..ROLLOUTS).map(|i| Place { motion: i, frame: i % 30, view: () }).collect();
+        let shape = (1, Features::inputs(&system, form), system.robot.state_dim());
+        let (worst, _) = apart_on_cpu(&compiler, (&body, &system, &motions), &starts, shape, false);
         println!("{robot}, {form:?}: after, tokens, loss, its slopes, by outputs, by the state: {worst:?} off");
-        let exact = [worst[0], worst[2], worst[3], worst[5]].into_iter().fold(0.0, f64::max);
-        assert!(exact < 1e-8 && worst[1].max(worst[4]) < 1e-6, "{robot}, {form:?}: {worst:?}");
-        assert!(output.bytes.is_empty());
+        assert!(exact(worst, 1e-8), "{robot}, {form:?}: {worst:?}");
     }
 }
