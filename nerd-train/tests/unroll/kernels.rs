@@ -7,7 +7,7 @@ use nerd_model::device::padded;
 use nerd_sim::dataset::GenerateConfig;
 use nerd_sim::prelude::*;
 use nerd_train::unroll::chain::{Cable, Loss, View, scales};
-use nerd_train::unroll::{Body, Motions, OnCard, Place};
+use nerd_train::unroll::{Motions, OnCard, Place};
 
 use crate::cpp;
 
