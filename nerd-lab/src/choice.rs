@@ -112,11 +112,10 @@ impl Choice {
 /// Form and size of a model, for tables and legends.
 pub fn describe(model: &ModelConfig) -> String {
     let form = match model.base {
-        Base::Flight | Base::ExactFlight => "on flight".into(),
-        Base::Draft(n) => format!("on a draft x{n}"),
-        Base::State | Base::Nothing if model.network.architecture == Architecture::Chain => "along the chain".into(),
-        Base::Trapezoid => "on the trapezoid".into(),
-        Base::State | Base::Nothing => "paper's form".to_string(),
+        Base::Flight | Base::ExactFlight => "on flight",
+        Base::State | Base::Nothing if model.network.architecture == Architecture::Chain => "along the chain",
+        Base::Trapezoid => "on the trapezoid",
+        Base::State | Base::Nothing => "paper's form",
     };
     format!("NeRD {form}, {:.2} M", model.network.parameters() as f64 / 1e6)
 }

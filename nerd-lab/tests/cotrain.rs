@@ -10,7 +10,6 @@ use nerd_train::settings::Given;
 
 const RECIPE: &str = r#"
 robot = "cartpole"
-base = "draft"
 stream = true
 history = 2
 embedding = 16

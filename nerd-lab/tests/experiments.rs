@@ -56,12 +56,12 @@ fn a_result_is_kept_as_it_was_measured_and_gives_way_to_none_with_less_behind_it
     assert!(folder.path().join("shaken/README.md").exists(), "its tables are beside it");
 }
 
-/// Weights of zero on a draft: the model is its base alone. It may ship once both errors beside its own are five times as large.
+/// Weights of zero: the model is its base alone. It may ship once both errors beside its own are five times as large.
 #[test]
 fn a_model_that_adds_nothing_is_not_shipped() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (results, all, mine) = (folder.path().join("results"), folder.path().join("models"), folder.path().join("models/mine"));
-    let mut model = models::model(&System::named("pendulum").expect("built in"), Base::Draft(1));
+    let mut model = models::model(&System::named("pendulum").expect("built in"), Base::Trapezoid);
     model.weights.flat.fill(0.0);
     model.save(&mine, "nothing", Storage::F32).expect("saved");
     let made = Made { name: "passive".into(), about: String::new(), command: String::new(), made: None, record: false, stale: None };

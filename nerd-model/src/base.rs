@@ -1,5 +1,4 @@
-//! What a prediction is added to: the present state, as in the paper, or the state after a frame of flight, or after a draft: one or a few
-//! substeps of our implicit dynamics, with contact. A model on a draft learns what the truth's many substeps change.
+//! What a prediction is added to: the present state, as in the paper, or the state after a frame of flight.
 //!
 //! Flight is one frame of our articulated dynamics, joint limits and damping included, in an empty scene, integrated as the truth does:
 //! with the reference simulator's settings for the truth `paper`, exactly for every other (rapier's own error over a frame is then the
@@ -8,11 +7,11 @@
 
 use std::sync::Arc;
 
-use nerd_sim::articulated::{Articulated, ArticulatedConfig, Draft, Friction};
+use nerd_sim::articulated::{Articulated, ArticulatedConfig, Friction};
 use nerd_sim::batch::Batch;
 use nerd_sim::scene::Scene;
 use nerd_sim::solver::{Solver, StepError};
-use nerd_sim::system::{System, SystemError};
+use nerd_sim::system::System;
 use nerd_sim::truth::Truth;
 use serde::{Deserialize, Serialize};
 
@@ -29,8 +28,6 @@ pub enum Base {
     Flight,
     /// The state after a frame of flight by Runge-Kutta: the residual form for every other truth.
     ExactFlight,
-    /// The state after a draft of so many substeps.
-    Draft(usize),
     /// Nothing: the prediction is the next state itself, endless angles continued from the token's (paper A.3.3.3, to be
     /// compared with).
     Nothing,
@@ -42,16 +39,6 @@ impl Base {
         if truth == Truth::Paper { Self::Flight } else { Self::ExactFlight }
     }
 
-    /// Whether predictions are added to a motion, not to the state before it.
-    pub fn moves(self) -> bool {
-        self.flies() || matches!(self, Self::Draft(_))
-    }
-
-    /// Drafts that predictions are added to, if any; an error if the system cannot be stepped.
-    pub fn draft(self, system: &System) -> Option<Result<Draft, SystemError>> {
-        if let Self::Draft(substeps) = self { Some(Draft::new(system, substeps)) } else { None }
-    }
-
     /// Whether predictions are added to a frame of flight.
     pub fn flies(self) -> bool {
         matches!(self, Self::Flight | Self::ExactFlight)
@@ -60,7 +47,7 @@ impl Base {
     /// The flight that predictions are added to, if any.
     pub fn flight(self, system: &Arc<System>) -> Option<Flight> {
         let config = match self {
-            Self::State | Self::Trapezoid | Self::Nothing | Self::Draft(_) => return None,
+            Self::State | Self::Trapezoid | Self::Nothing => return None,
             Self::Flight => ArticulatedConfig::paper(system, Friction::Coulomb),
             Self::ExactFlight => ArticulatedConfig::converged(Friction::Coulomb),
         };

@@ -5,7 +5,6 @@
 //! quantities masked to zero beyond `xi`; for any other robot: `[state, torques]`. A scene pays only for what it has.
 //! With a base of flight ([`Base::Flight`]) a token also holds how far flight carries each contact
 //! point (3 C, m, masked likewise), since what contact adds depends first on that, and kinematics is hard to learn.
-//! With a draft ([`Base::Draft`]) it ends with what the draft changes, in the form of a target.
 //! The target is the change over the frame from its base ([`Base`]), seen from the frame of the token: additive
 //! for positions, joints and velocities (angles wrapped), a quaternion from the left for the orientation of a floating root.
 //!
@@ -55,11 +54,10 @@ impl Features {
     /// Width of a token.
     pub fn inputs(system: &System, form: impl Into<Form>) -> usize {
         let Form { base, view, .. } = form.into();
-        let drafted = if matches!(base, Base::Draft(_)) { system.robot.state_dim() } else { 0 };
-        let plain = system.robot.state_dim() + system.robot.joint_count() + drafted;
+        let plain = system.robot.state_dim() + system.robot.joint_count();
         let a_point = 7 + if view == View::Moving {
             5
-        } else if base.moves() {
+        } else if base.flies() {
             3
         } else {
             0
@@ -97,17 +95,12 @@ impl Features {
         gravity: &Vector3<f64>,
         out: &mut [f32],
     ) {
-        let d = state.len();
-        let (out, drafted) = out.split_at_mut(out.len() - if matches!(self.form.base, Base::Draft(_)) { d } else { 0 });
-        if !drafted.is_empty() {
-            self.target(state, state, base, drafted);
-        }
         let system = self.system.clone();
         let situated = Self::situated(&system.robot);
         let frame = if situated { self.frame(state) } else { world() };
         if situated && self.form.view == View::Moving {
             self.speeds(state, contacts);
-        } else if self.form.base.moves() && self.form.view != View::Blind {
+        } else if self.form.base.flies() && self.form.view != View::Blind {
             self.carry(state, base);
         }
         if situated {

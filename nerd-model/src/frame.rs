@@ -4,11 +4,10 @@ use std::sync::Arc;
 
 use nerd_core::contact::ContactEvent;
 use nerd_core::dynamics::Data;
-use nerd_sim::articulated::Draft;
 use nerd_sim::batch::Batch;
 use nerd_sim::scene::contacts;
 use nerd_sim::solver::Fault;
-use nerd_sim::system::{System, SystemError};
+use nerd_sim::system::System;
 
 use crate::features::Features;
 use crate::folder::Model;
@@ -22,22 +21,17 @@ pub(crate) struct Frame {
     data: Data,
     events: Vec<ContactEvent>,
     far: Vec<ContactEvent>,
-    draft: Option<Draft>,
     change: Vec<f64>,
     base: Vec<f64>,
-    /// Environments of which there is no draft.
-    pub lost: Vec<Fault>,
     /// Environments of the frame that need the network.
     pub asked: Vec<usize>,
 }
 
 impl Frame {
     /// Memory for a model of `system`.
-    pub fn new(model: &Model, system: &Arc<System>) -> Result<Self, SystemError> {
+    pub fn new(model: &Model, system: &Arc<System>) -> Self {
         let d = system.robot.state_dim();
-        Ok(Self {
-            draft: model.config.base.draft(system).transpose()?,
-            lost: Vec::new(),
+        Self {
             features: Features::new(system, model.config.form()),
             data: Data::new(&system.robot),
             events: Vec::new(),
@@ -45,23 +39,13 @@ impl Frame {
             change: vec![0.0; d],
             base: vec![0.0; d],
             asked: Vec::new(),
-        })
+        }
     }
 
     /// Writes the normalised tokens of the environments from `first` on but for those that are set `aside`, and notes which of
-    /// them need the network. `next` are the bases of their predictions; drafts are made here.
+    /// them need the network. `next` are the bases of their predictions.
     #[allow(clippy::too_many_arguments)]
-    pub fn tell(
-        &mut self,
-        model: &Model,
-        batch: &Batch,
-        torques: &[f64],
-        aside: &[Fault],
-        first: usize,
-        tokens: &mut [f32],
-        next: &mut [f64],
-    ) {
-        self.lost.clear();
+    pub fn tell(&mut self, model: &Model, batch: &Batch, torques: &[f64], aside: &[Fault], first: usize, tokens: &mut [f32], next: &[f64]) {
         self.asked.clear();
         let (system, flies) = (&batch.system, model.config.base.flies());
         let (d, joints) = (system.robot.state_dim(), system.robot.joint_count());
@@ -76,13 +60,8 @@ impl Frame {
             if !system.robot.contact_points.is_empty() {
                 contacts(&system.robot, scene, state, &mut self.data, &mut self.events);
             }
-            let base = &mut next[i * d..(i + 1) * d];
+            let base = &next[i * d..(i + 1) * d];
             let tau = &torques[env * joints..(env + 1) * joints];
-            if let Some(Err(reason)) = self.draft.as_mut().map(|draft| draft.step(system, &scene.gravity, &self.events, tau, base)) {
-                self.lost.push(Fault { env, frame: batch.frames[env], reason });
-                token.fill(0.0);
-                continue;
-            }
             self.features.token(state, base, &self.events, tau, &scene.gravity, token);
             model.normalizer.inputs.normalize(token);
             // On a flight, where something may be touched: at its start or at its end.

@@ -75,7 +75,7 @@ impl Neural {
             self.newest = vec![u64::MAX - 1; n];
         }
         while self.frames.len() < n.div_ceil(CHUNK) {
-            self.frames.push(Frame::new(&self.model, &batch.system).map_err(|e| StepError::Solver(e.to_string()))?);
+            self.frames.push(Frame::new(&self.model, &batch.system));
         }
         self.frames.truncate(n.div_ceil(CHUNK));
         for (env, (newest, frame)) in self.newest.iter_mut().zip(&batch.frames).enumerate() {
@@ -103,14 +103,13 @@ impl Solver for Neural {
         self.next.extend_from_slice(self.flight.as_ref().map_or(&batch.states, |f| f.states()));
         let (model, before, network) = (&self.model, &*batch, self.model.config.network);
         let (d, aside) = (network.outputs, &self.faults);
-        let chunks = self.tokens.par_chunks_mut(CHUNK * network.inputs).zip(self.next.par_chunks_mut(CHUNK * d)).zip(&mut self.frames);
+        let chunks = self.tokens.par_chunks_mut(CHUNK * network.inputs).zip(self.next.par_chunks(CHUNK * d)).zip(&mut self.frames);
         chunks.enumerate().for_each(|(i, ((tokens, next), frame))| {
             frame.tell(model, before, torques, aside, i * CHUNK, tokens, next);
         });
         self.asked.clear();
-        for frame in &mut self.frames {
+        for frame in &self.frames {
             self.asked.extend_from_slice(&frame.asked);
-            self.faults.append(&mut frame.lost);
         }
 
         self.network.push(&self.tokens, &self.asked, &mut self.predictions).map_err(|e| StepError::Solver(e.to_string()))?;

@@ -17,7 +17,7 @@ use nerd_sim::scene::{Collider, Plane};
 fn forms() -> impl Iterator<Item = Form> {
     let views = [View::Own, View::Moving, View::World, View::Blind];
     let plain = [Base::State, Base::Nothing].into_iter().flat_map(move |base| views.map(|view| Form { base, view }));
-    plain.chain([Base::Trapezoid.into(), Base::Flight.into(), Base::Draft(1).into()])
+    plain.chain([Base::Trapezoid.into(), Base::Flight.into()])
 }
 
 fn system(robot: &str) -> Arc<System> {
@@ -35,7 +35,7 @@ fn what_is_predicted_leads_to_the_next_state_in_every_form() {
             let (mut target, mut made, mut worst) = (vec![0.0f32; d], vec![0.0; d], 0.0f64);
             for k in 0..50 {
                 let [state, from, next] = [0, 1, 2].map(|i| start(&system, Start::Sample, &mut stream(42, 3 * k + i)));
-                let from = if form.base.moves() { from } else { state.clone() };
+                let from = if form.base.flies() { from } else { state.clone() };
                 features.target(&state, &from, &next, &mut target);
                 let change: Vec<f64> = target.iter().map(|x| f64::from(*x)).collect();
                 features.apply(&state, &from, &change, &mut made);
@@ -82,7 +82,7 @@ fn each_view_sees_what_it_should() {
             there[nq + 4] -= 20.0 * state[nq + 2];
             there[nq + 5] += 20.0 * state[nq + 1];
         }
-        for form in forms().filter(|form| !form.base.moves()) {
+        for form in forms().filter(|form| !form.base.flies()) {
             let [near, far] = [0.01, 0.02].map(|depth| token(&system, form, &state, depth));
             let blind = form.view == View::Blind;
             assert_eq!(near.len() == state.len() + system.robot.joint_count(), blind, "{robot}, {form:?}: {} numbers", near.len());

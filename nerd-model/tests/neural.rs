@@ -8,16 +8,13 @@ use std::sync::Arc;
 
 use common::{POSITIONS, gap, model, placed};
 use nalgebra::Vector3;
-use nerd_core::dynamics::Data;
-use nerd_core::state::wrap_state;
 use nerd_model::base::Base;
 use nerd_model::features::Features;
 use nerd_model::neural::Neural;
 use nerd_model::transformer::Positions;
-use nerd_sim::articulated::Draft;
+use nerd_sim::instruments::{Glide, Hold};
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
-use nerd_sim::scene::contacts;
 
 const BOUND: f64 = 1e-5;
 
@@ -136,78 +133,53 @@ fn an_environment_is_that_environment_alone() {
 const CASES: [(&str, &str); 6] =
     [("cartpole", "free"), ("pendulum", "ground1"), ("pendulum", "ground2"), ("cube", "ground"), ("ant", "ground"), ("anymal", "ground")];
 
-/// A frame of every environment by drafts alone.
-fn drafted(draft: &mut Draft, batch: &mut Batch, torques: &[f64]) {
-    let (system, joints) = (batch.system.clone(), batch.system.robot.joint_count());
-    let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
-    for env in 0..batch.len() {
-        let mut state = batch.state(env).to_vec();
-        contacts(&system.robot, &batch.scenes[env], &state, &mut data, &mut events);
-        let gravity = batch.scenes[env].gravity;
-        draft.step(&system, &gravity, &events, &torques[env * joints..][..joints], &mut state).expect("drafted");
-        wrap_state(&system.robot, &mut state);
-        batch.states[env * state.len()..][..state.len()].copy_from_slice(&state);
-        batch.frames[env] += 1;
-    }
-}
-
 /// The outputs of a network that adds nothing: a turn's is a quaternion, so this is not zero.
 fn nothing(system: &Arc<System>) -> Vec<f64> {
     let (state, mut target) = (system.default_state(), vec![0.0f32; system.robot.state_dim()]);
-    Features::new(system, Base::Draft(1)).target(&state, &state, &state, &mut target);
+    Features::new(system, Base::State).target(&state, &state, &state, &mut target);
     target.into_iter().map(f64::from).collect()
 }
 
 #[test]
-fn a_network_that_says_nothing_leaves_the_draft() {
-    for positions in POSITIONS {
-        for (robot, scene) in CASES {
-            for substeps in [1, 3] {
-                let system = System::named(robot).expect("built in");
-                let (mut learned, torques) = batch(&system, scene, 5);
-                let mut raw = learned.clone();
-                let mut silent = placed(&system, Base::Draft(substeps), positions);
-                silent.weights.flat.fill(0.0);
-                silent.normalizer.outputs.mean = nothing(&system);
-                let mut solver = Neural::on_cpu(silent, &system);
-                let mut draft = Draft::new(&system, substeps).expect("a draft");
-                for frame in 0..30 {
-                    // From the same state: rounding grows in a landing.
-                    raw.states.copy_from_slice(&learned.states);
-                    solver.step(&mut learned, &torques).expect("finite");
-                    drafted(&mut draft, &mut raw, &torques);
-                    let apart = gap(&learned.states, &raw.states);
-                    assert!(apart < 1e-12, "{robot} on {scene}, x{substeps}, frame {frame}: {apart:.1e} from the raw draft");
-                }
-            }
-        }
-    }
-    // And one that speaks is heard, also where nothing can be touched.
+fn a_network_that_says_nothing_leaves_its_base() {
     for (robot, scene) in CASES {
         let system = System::named(robot).expect("built in");
-        let (mut learned, torques) = batch(&system, scene, 5);
-        let mut raw = learned.clone();
-        Neural::on_cpu(model(&system, Base::Draft(1)), &system).step(&mut learned, &torques).expect("finite");
-        drafted(&mut Draft::new(&system, 1).expect("a draft"), &mut raw, &torques);
-        let apart: Vec<f64> = (0..5).map(|env| gap(learned.state(env), raw.state(env))).collect();
-        assert!(apart.iter().all(|gap| *gap > 1e-6), "{robot} on {scene}: the network is not asked, {apart:?}");
+        let (first, torques) = batch(&system, scene, 5);
+        for positions in POSITIONS {
+            for base in [Base::State, Base::Trapezoid] {
+                let (mut learned, mut raw) = (first.clone(), first.clone());
+                let mut silent = placed(&system, base, positions);
+                silent.weights.flat.fill(0.0);
+                silent.normalizer.outputs.mean = nothing(&system);
+                let mut still: Box<dyn Solver> = if base == Base::State { Box::new(Hold) } else { Box::new(Glide) };
+                roll(&mut Neural::on_cpu(silent, &system), &mut learned, &torques, 30);
+                roll(&mut *still, &mut raw, &torques, 30);
+                let apart = gap(&learned.states, &raw.states);
+                assert!(apart < 1e-9, "{robot} on {scene}, {base:?}: {apart:.1e} from the base alone");
+            }
+        }
+        // And one that speaks is heard, also where nothing can be touched.
+        let mut learned = first.clone();
+        roll(&mut Neural::on_cpu(model(&system, Base::State), &system), &mut learned, &torques, 1);
+        let apart: Vec<f64> = (0..5).map(|env| gap(learned.state(env), first.state(env))).collect();
+        assert!(apart.iter().all(|gap| *gap > 1e-6), "{robot} on {scene}: the network is not heard, {apart:?}");
     }
 }
 
 #[test]
-fn what_cannot_be_drafted_is_set_aside_alone() {
+fn what_cannot_be_moved_is_set_aside_alone() {
     let system = System::named("pendulum").expect("built in");
     let (mut batch, torques) = batch(&system, "ground1", 4);
-    let mut solver = Neural::on_cpu(model(&system, Base::Draft(2)), &system);
+    let solver = || Neural::on_cpu(model(&system, Base::State), &system);
     let mut whole = batch.clone();
     let mut scene = (*batch.scenes[2]).clone();
     scene.gravity = Vector3::new(0.0, f64::NAN, 0.0);
     batch.scenes[2] = Arc::new(scene);
     let before = batch.state(2).to_vec();
-    let faults = solver.step(&mut batch, &torques).expect_err("no gravity").faults().expect("of environments");
+    let faults = solver().step(&mut batch, &torques).expect_err("no gravity").faults().expect("of environments");
     assert_eq!(faults.iter().map(|f| (f.env, f.frame)).collect::<Vec<_>>(), [(2, 0)], "{faults:?}");
     assert_eq!(batch.state(2), before, "what cannot be moved was moved");
-    Neural::on_cpu(model(&system, Base::Draft(2)), &system).step(&mut whole, &torques).expect("finite");
+    solver().step(&mut whole, &torques).expect("finite");
     for env in [0, 1, 3] {
         let apart = gap(batch.state(env), whole.state(env));
         assert!(apart < 1e-5, "environment {env} noticed: {apart:.1e}");

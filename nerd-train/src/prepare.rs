@@ -27,13 +27,11 @@ pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form:
     let mut y = vec![0.0; recording.trajectories * f * d];
     let rows = x.par_chunks_mut(f * inputs).zip(y.par_chunks_mut(f * d)).enumerate();
     rows.try_for_each_init(
-        || (Features::new(system, form), form.base.flight(system), form.base.draft(system)),
-        |(features, flight, draft), (trajectory, (x, y))| {
-            let lost = |reason: String| DatasetError::Config(format!("trajectory {trajectory}: {reason}"));
+        || (Features::new(system, form), form.base.flight(system)),
+        |(features, flight), (trajectory, (x, y))| {
             let states = &recording.states[trajectory * (f + 1) * d..][..(f + 1) * d];
             let torques = &recording.torques[trajectory * f * joints..][..f * joints];
             let gravity = vector(&recording.gravity[3 * trajectory..]);
-            let mut drafted = states.to_vec();
             let bases = match flight {
                 None => states,
                 Some(flight) => {
@@ -47,13 +45,7 @@ pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form:
                 let (x, y) = (&mut x[frame * inputs..][..inputs], &mut y[frame * d..][..d]);
                 let (state, next) = (&states[frame * d..][..d], &states[(frame + 1) * d..][..d]);
                 let (events, torques) = (events(system, recording, trajectory * f + frame), &torques[frame * joints..][..joints]);
-                let mut base = &bases[frame * d..][..d];
-                if let Some(draft) = draft {
-                    let draft = draft.as_mut().map_err(|e| lost(e.to_string()))?;
-                    let to = &mut drafted[frame * d..][..d];
-                    draft.step(system, &gravity, &events, torques, to).map_err(lost)?;
-                    base = to;
-                }
+                let base = &bases[frame * d..][..d];
                 features.token(state, base, &events, torques, &gravity, x);
                 features.target(state, base, next, y);
             }

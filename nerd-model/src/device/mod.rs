@@ -1,8 +1,8 @@
 //! What surrounds the network, as a program for a device: the text of two kernels, `neural_tell` and `neural_apply`; and a small network
 //! itself as one kernel, `whole_pass`. Around a chain's network are those of [`crate::chain`].
 //!
-//! They build on the articulated solver's ([`nerd_sim::articulated::device`]), which make the draft, and like those are plain C++ beside
-//! CUDA, so that a test runs them where there is no GPU.
+//! They build on the articulated solver's ([`nerd_sim::articulated::device`]), and like those are plain C++ beside CUDA, so that a test
+//! runs them where there is no GPU.
 
 mod whole;
 
@@ -10,7 +10,7 @@ use std::fmt::Write;
 use std::sync::Arc;
 
 use nerd_sim::articulated::device::{Reach, Real, functions};
-use nerd_sim::articulated::{ArticulatedConfig, Draft, Friction};
+use nerd_sim::articulated::{ArticulatedConfig, Friction};
 use nerd_sim::system::System;
 
 use crate::base::Base;
@@ -22,22 +22,16 @@ pub use crate::program::op::padded;
 pub use whole::{Products, Whole, whole_program};
 
 /// The settings with which scenes are put in order for a model's kernels; or what of it has no kernel, and where it can be stepped.
-pub fn settings(form: Form, system: &System) -> Result<(ArticulatedConfig, Reach), String> {
-    let Form { base, view } = form;
+pub fn settings(Form { base, view }: Form) -> Result<ArticulatedConfig, String> {
     let refuse =
         |what: String| Err(format!("a model {what}, which has no kernel; step it with the network alone on the device, or on the CPU"));
     if !view.own() {
         return refuse(format!("whose view is {view:?}"));
     }
-    let (settings, faced) = match base {
-        Base::Flight | Base::ExactFlight | Base::Nothing => return refuse(format!("that adds to {base:?}")),
-        Base::State | Base::Trapezoid => (ArticulatedConfig::implicit(1, Friction::Coulomb), system.spec.material),
-        Base::Draft(substeps) => {
-            let (settings, material) = Draft::settings(system, substeps).map_err(|e| e.to_string())?;
-            (settings, material.mean(&system.spec.material))
-        }
-    };
-    Ok((settings, Reach { faced: Some(faced), ..Reach::default() }))
+    match base {
+        Base::Flight | Base::ExactFlight | Base::Nothing => refuse(format!("that adds to {base:?}")),
+        Base::State | Base::Trapezoid => Ok(ArticulatedConfig::implicit(1, Friction::Coulomb)),
+    }
 }
 
 /// The text for models of `system` of a form and with a normaliser, for scenes of at most so many colliders; an error as of [`settings`].
@@ -47,20 +41,13 @@ pub fn program(form: Form, normalizer: &Normalizer, system: &Arc<System>, real: 
 
 /// The same without its kernels: `tell` and `apply`, for other kernels.
 pub fn token_functions(form: Form, normalizer: &Normalizer, system: &Arc<System>, real: Real, colliders: usize) -> Result<String, String> {
-    let (config, reach) = settings(form, system)?;
+    let config = settings(form)?;
     let robot = &system.robot;
-    let mut text = functions(system, &config, real, Reach { colliders, ..reach });
+    let mut text = functions(system, &config, real, Reach { colliders, ..Reach::default() });
     let inputs = Features::inputs(system, form);
     let flag = |on: bool| usize::from(on);
     let situated = flag(Features::situated(robot));
-    let drafted = flag(matches!(form.base, Base::Draft(_)));
-    for (name, n) in [
-        ("INPUTS", inputs),
-        ("LDX", padded(inputs)),
-        ("SITUATED", situated),
-        ("DRAFTED", drafted),
-        ("MOVING", flag(form.view == View::Moving)),
-    ] {
+    for (name, n) in [("INPUTS", inputs), ("LDX", padded(inputs)), ("SITUATED", situated), ("MOVING", flag(form.view == View::Moving))] {
         let _ = writeln!(text, "#define {name} {n}");
     }
     let time = if form.base == Base::Trapezoid { system.frame_time } else { 0.0 };

@@ -1,23 +1,21 @@
-// Before and after the network, as features.rs and frame.rs have it: contacts, the draft and the token of a frame; then the state that lies
-// a prediction from the draft. Sizes and tables come from the host: INPUTS of a token, LDX numbers from one to the next, DRAFTED, SITUATED,
-// SEEN (threshold of a contact point), MEAN and SCALE of a token, SHIFT and STRETCH of a prediction.
+// Before and after the network, as features.rs and frame.rs have it: contacts and the token of a frame; then the state that lies a
+// prediction from the state before. Sizes and tables come from the host: INPUTS of a token, LDX numbers from one to the next, SITUATED,
+// MOVING, TRAPEZOID, SEEN (threshold of a contact point), MEAN and SCALE of a token, SHIFT and STRETCH of a prediction.
 
 constexpr int STATE = NQ + NV;
 
-struct Event { bool near; V3 p0, normal, p1; real distance; };
+struct Event { V3 p0, normal, p1; real distance; };
 
 // The nearest place of the scene to every contact point; from the root.
 FN void look(const Work& w, Event* events) {
     for (int p = 0; p < NP; p++) {
         Event& e = events[p];
-        e.near = false;
         e.distance = infinite();
         e.p0 = middle(w.tree, p);
         for (int c = 0; c < w.surfaces; c++) {
             V3 normal, nearest;
             const real d = meets(w.tree, w.surface[c], p, normal, nearest);
             if (!(d < e.distance)) continue;
-            e.near = true;
             e.distance = d; e.normal = normal; e.p1 = nearest;
         }
     }
@@ -37,28 +35,8 @@ FN void put(Writer& w, double x) {
 }
 FN void put(Writer& w, V3 v) { put(w, v.x); put(w, v.y); put(w, v.z); }
 
-// What the draft changes, seen from the root's axes r before the frame; `moved` is the root's way.
-FN void changes(Writer& out, const Tree& t, const double* state, const real* local, const M3& r, V3 moved) {
-    if (DOFS) {
-        double turned[4];
-        from_to(state + 3, t.q + 3, turned);
-        put(out, back(r, moved));
-        for (int k = 0; k < 4; k++) put(out, turned[k]);
-    }
-    for (int i = 0; i < NJ; i++) {
-        const double d = t.q[COORDS + i] - state[COORDS + i];
-        put(out, WRAPS[i] ? wrapped(d) : d);
-    }
-    if (DOFS) {
-        const V3 spin = v3(t.qd[0], t.qd[1], t.qd[2]);
-        put(out, back(r, spin - v3(local[0], local[1], local[2])));
-        put(out, back(r, v3(t.qd[3], t.qd[4], t.qd[5]) + cross(moved, spin) - v3(local[3], local[4], local[5])));
-    }
-    for (int i = 0; i < NJ; i++) put(out, (double)t.qd[DOFS + i] - (double)local[DOFS + i]);
-}
-
-// The token of a frame and what its prediction is added to, in world axes; 0, or why there is none.
-BIG int tell(const double* state, const double* tau, const double* scene, double* base, float* token) {
+// The token of a frame.
+BIG void tell(const double* state, const double* tau, const double* scene, float* token) {
     Work w;
     Tree& t = w.tree;
     Event events[NP + 1];
@@ -105,28 +83,6 @@ BIG int tell(const double* state, const double* tau, const double* scene, double
             for (int p = 0; p < NP; p++) put(out, events[p].distance < SEEN[p] ? near(gap(events[p], p, speed[p], ahead)) : 1.0);
         }
     }
-    V3 moved_by = none;
-    real local[NV];
-    for (int k = 0; k < NV; k++) local[k] = t.qd[k];
-    if (DRAFTED) {
-        for (int p = 0; p < NP; p++) {
-            Facing& f = w.facing[p];
-            f.near = events[p].near;
-            f.normal = events[p].normal;
-            f.place[0] = stands(w, 0) + (double)events[p].p1.x;
-            f.place[1] = stands(w, 1) + (double)events[p].p1.y;
-            f.place[2] = stands(w, 2) + (double)events[p].p1.z;
-        }
-        const int lost = moved(w, state, tau, scene, 0, 0);
-        if (lost) return lost;
-        if (DOFS) moved_by = v3((real)(t.q[0] - state[0]), (real)(t.q[1] - state[1]), (real)(t.q[2] - state[2]));
-        t.shift = none;
-        if (NP) kinematics(t);
-        for (int p = 0; p < NP; p++) {
-            const V3 place = middle(t, p) + moved_by;
-            put(out, events[p].distance < SEEN[p] ? back(r, place - events[p].p0) : none);
-        }
-    }
     for (int i = 0; i < NJ; i++) put(out, tau[i]);
     if (SITUATED) {
         const V3 g = v3((real)scene[0], (real)scene[1], (real)scene[2]);
@@ -134,9 +90,7 @@ BIG int tell(const double* state, const double* tau, const double* scene, double
         put(out, back(r, g * (1 / (length > 0 ? length : 1))));
     }
     for (int i = 0; i < NJ; i++) if (MOVING && WRAPS[i]) put(out, cos(state[COORDS + i]));
-    if (DRAFTED) changes(out, t, state, local, r, moved_by);
     for (int k = INPUTS; k < LDX; k++) token[k] = 0;
-    return give(t, base);
 }
 
 // Velocity of the root in its own axes.
@@ -188,29 +142,27 @@ FN void trapezoid(const double* state, double* change) {
     for (int k = 0; k < 4; k++) change[3 + k] = turned[k];
 }
 
-// The state that lies a prediction from `base`, in place of `state`; 0 or GONE.
-BIG int apply(double* state, const double* base, const float* prediction) {
+// The state that lies a prediction from `state`, in its place; 0 or GONE.
+BIG int apply(double* state, const float* prediction) {
     double change[STATE], next[STATE];
     for (int k = 0; k < STATE; k++) change[k] = (double)prediction[k] * STRETCH[k] + SHIFT[k];
     trapezoid(state, change);
-    for (int k = 0; k < STATE; k++) next[k] = base[k] + change[k];
+    for (int k = 0; k < STATE; k++) next[k] = state[k] + change[k];
     if (DOFS) {
-        double s[4], seen[4], turned[4], by[3], n = 0;
+        double s[4], by[3], n = 0;
         for (int k = 0; k < 4; k++) n += state[3 + k] * state[3 + k];
         for (int k = 0; k < 4; k++) s[k] = state[3 + k] / sqrt(n);
         rotate(s, change, 1, by);
-        for (int k = 0; k < 3; k++) next[k] = base[k] + by[k];
-        from_to(s, base + 3, seen);
-        multiply(change + 3, seen, turned);
-        multiply(s, turned, next + 3);
+        for (int k = 0; k < 3; k++) next[k] = state[k] + by[k];
+        multiply(s, change + 3, next + 3);
         // The velocity (w, v) about the world's origin, in axes that stand where the root stood.
         double w[3], v[3];
         rotate(s, change + NQ, 1, w);
         rotate(s, change + NQ + 3, 1, v);
         const double cross[3] = {state[1] * w[2] - state[2] * w[1], state[2] * w[0] - state[0] * w[2], state[0] * w[1] - state[1] * w[0]};
         for (int k = 0; k < 3; k++) {
-            next[NQ + k] = base[NQ + k] + w[k];
-            next[NQ + 3 + k] = base[NQ + 3 + k] + cross[k] + v[k];
+            next[NQ + k] = state[NQ + k] + w[k];
+            next[NQ + 3 + k] = state[NQ + 3 + k] + cross[k] + v[k];
         }
     }
     for (int k = 0; k < STATE; k++) if (!(next[k] - next[k] == 0)) return GONE;

@@ -3,9 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use nerd_sim::articulated::Draft;
 use nerd_sim::files::read_text;
-use nerd_sim::range::within;
 use nerd_sim::system::System;
 use nerd_sim::truth::Truth;
 use serde::de::DeserializeOwned;
@@ -58,10 +56,6 @@ impl ModelConfig {
         let path = folder.join("config.json");
         let config: Self = read_json(&path)?;
         config.network.check().map_err(|reason| wrong(&path, format!("network: {reason}")))?;
-        if let Base::Draft(n) = config.base {
-            within("`base`: a draft's number of substeps", n as f64, 1.0..=Draft::MOST as f64, "")
-                .map_err(|reason| wrong(&path, reason))?;
-        }
         Ok(config)
     }
 

@@ -87,7 +87,7 @@ impl Workspace {
     }
 
     /// A frame by the steps that it asks for.
-    pub(super) fn attempt(
+    fn attempt(
         &mut self,
         system: &System,
         scene: &Scene,
@@ -104,7 +104,7 @@ impl Workspace {
         };
         begin(self);
         if self.stays_implicit(system) || contact && config.contact_step == ContactStep::Implicit {
-            return self.implicit(system, scene, config, config.contact_substeps, false, state, tau);
+            return self.implicit(system, scene, config, config.contact_substeps, state, tau);
         }
         self.start.copy_from_slice(state);
         self.stiff.begin();
@@ -116,6 +116,6 @@ impl Workspace {
         // A damper, a limit or a friction was met that no explicit substep of this length can bear.
         state.copy_from_slice(&self.start);
         begin(self);
-        self.implicit(system, scene, config, config.substeps.max(config.contact_substeps), false, state, tau)
+        self.implicit(system, scene, config, config.substeps.max(config.contact_substeps), state, tau)
     }
 }

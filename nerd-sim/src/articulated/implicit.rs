@@ -51,15 +51,13 @@ pub(super) const CALM: f64 = 0.5;
 pub(super) const HALVINGS: usize = 6;
 
 impl Workspace {
-    /// A frame of so many substeps; contacts are looked for in each, or `held` as they were found before.
-    #[allow(clippy::too_many_arguments)]
+    /// A frame of so many substeps; contacts are looked for in each.
     pub(super) fn implicit(
         &mut self,
         system: &System,
         scene: &Scene,
         config: &ArticulatedConfig,
         substeps: usize,
-        held: bool,
         state: &mut [f64],
         tau: &[f64],
     ) -> Result<(), String> {
@@ -68,7 +66,7 @@ impl Workspace {
         to_local(robot, q, qd);
         self.touches.begin(robot, scene);
         let whole = system.frame_time / substeps as f64;
-        let all = Substep { system, scene, config, held, settled: SETTLED / substeps as f64, tau, whole, h: whole };
+        let all = Substep { system, scene, config, settled: SETTLED / substeps as f64, tau, whole, h: whole };
         for substep in 0..substeps {
             self.substep(&all, substep == 0, HALVINGS, q, qd)?;
         }
@@ -78,7 +76,7 @@ impl Workspace {
 
     /// One substep, in halves if it is too long to be solved.
     fn substep(&mut self, own: &Substep, first: bool, halvings: usize, q: &mut [f64], qd: &mut [f64]) -> Result<(), String> {
-        let Substep { system, scene, config, held, h, .. } = *own;
+        let Substep { system, scene, config, h, .. } = *own;
         let robot = &system.robot;
         let half = 0.5 * h;
         if self.touches.tree.is_some() {
@@ -86,9 +84,7 @@ impl Workspace {
         }
         drift(robot, q, qd, half);
         kinematics(robot, q, &mut self.data);
-        if !held {
-            self.query(system, scene, qd, h, 0.0).map_err(|lost| gone(system, q).unwrap_or(lost))?;
-        }
+        self.query(system, scene, qd, h, 0.0).map_err(|lost| gone(system, q).unwrap_or(lost))?;
         self.find(robot, scene, q, qd, h);
         if !system.folds.is_empty() {
             fold(system, &self.stiff.bounds.folds, own.whole, h, config.friction, &mut self.data);

@@ -28,8 +28,6 @@ pub(super) struct Substep<'a> {
     pub(super) system: &'a System,
     pub(super) scene: &'a Scene,
     pub(super) config: &'a ArticulatedConfig,
-    /// Whether contacts are held as they were found.
-    pub(super) held: bool,
     /// See [`SETTLED`].
     pub(super) settled: f64,
     pub(super) tau: &'a [f64],

@@ -10,7 +10,6 @@
 mod along;
 mod config;
 pub mod device;
-mod draft;
 mod energy;
 mod explicit;
 mod find;
@@ -28,5 +27,4 @@ mod workspace;
 pub use crate::system::Refresh;
 pub use along::along;
 pub use config::{ArticulatedConfig, ContactStep, Friction, Integrator};
-pub use draft::Draft;
 pub use solver::Articulated;

@@ -86,18 +86,6 @@ impl Workspace {
         if lost { Err(self.lost(robot, scene)) } else { Ok(()) }
     }
 
-    /// Takes contacts as they were found elsewhere, one a point, all with the scene's only collider.
-    pub(super) fn face(&mut self, system: &System, scene: &Scene, events: &[ContactEvent]) {
-        self.materials.clear();
-        self.materials.extend(scene.colliders.iter().map(|c| c.material.mean(&system.spec.material)));
-        self.events.clear();
-        self.owners.clear();
-        for (owner, event) in events.iter().enumerate().filter(|(_, e)| e.distance.is_finite()) {
-            self.events.push(ContactEvent { collider: 0, ..*event });
-            self.owners.push(owner);
-        }
-    }
-
     /// Names the contact point and the collider between which there is no distance.
     #[cold]
     fn lost(&self, robot: &Robot, scene: &Scene) -> String {

@@ -47,10 +47,7 @@ pub struct Subject {
 impl Subject {
     /// A robot as its files have it.
     pub fn new(system: &Arc<System>, scene: &str, engine: Engine) -> Result<Self, CalibrateError> {
-        // A draft uses the material of the robot's data scene, which is the scene of the measurements.
-        let mut own = (**system).clone();
-        own.spec.data_scene = Some(scene.into());
-        Ok(Self { scene: system.scene(scene)?, system: own.into(), engine, lag: 0.0 })
+        Ok(Self { scene: system.scene(scene)?, system: system.clone(), engine, lag: 0.0 })
     }
 
     /// The same with these values of the parameters.

@@ -185,9 +185,8 @@ pub(super) fn export(plan: &Plan, run: &Identity, normalizer: Normalizer, weight
         run.network.layers,
         run.network.history,
         match run.base {
-            Base::Flight | Base::ExactFlight => "what contact adds to one frame of flight".into(),
-            Base::Draft(n) => format!("what a frame of {n} coarse substep{} lacks", if n == 1 { "" } else { "s" }),
-            Base::State | Base::Trapezoid | Base::Nothing => "one frame".into(),
+            Base::Flight | Base::ExactFlight => "what contact adds to one frame of flight",
+            Base::State | Base::Trapezoid | Base::Nothing => "one frame",
         },
         run.truth,
         run.trainer.updates,
@@ -198,8 +197,8 @@ pub(super) fn export(plan: &Plan, run: &Identity, normalizer: Normalizer, weight
         run.data_sha256,
     );
     // What is added to flight bears ten bits (a pendulum on ground 1: 0.0074 rad either way); a whole frame does not (0.013
-    // becomes 0.017).
-    let storage = if run.base.moves() { Storage::F16 } else { Storage::F32 };
+    // becomes 0.017): for that `cargo xtask light` rounds with more care.
+    let storage = if run.base.flies() { Storage::F16 } else { Storage::F32 };
     let folder = out.join("model");
     Model { config, normalizer, weights }.save(&folder, &card, storage)?;
     tell!("model written to {}", folder.display());

@@ -27,7 +27,7 @@ pub(super) fn rollout_error(plan: &Plan, identity: &Identity, judge: &Judge, wei
     let protocol = PassiveConfig { starts, steps, seed, action: Action::Zero };
     // Flight has no error where there is nothing to touch.
     let scenes: Vec<&str> = match identity.base {
-        Base::State | Base::Trapezoid | Base::Nothing | Base::Draft(_) => system.usual_scenes().into_iter().take(2).collect(),
+        Base::State | Base::Trapezoid | Base::Nothing => system.usual_scenes().into_iter().take(2).collect(),
         Base::Flight | Base::ExactFlight => system.usual_scenes().into_iter().filter(|s| *s != "free").collect(),
     };
     let mut total = 0.0;

@@ -23,11 +23,10 @@ impl RunConfig {
     pub fn onward(model: &ModelConfig, updates: u64) -> Result<Self> {
         let network = &model.network;
         let mut run = Self { robot: model.robot.clone(), updates, batch: model.batch, ..Self::default() };
-        (run.base, run.draft) = match model.base {
-            Base::State => (BaseName::State, run.draft),
-            Base::Trapezoid => (BaseName::Trapezoid, run.draft),
-            Base::Flight | Base::ExactFlight => (BaseName::Flight, run.draft),
-            Base::Draft(n) => (BaseName::Draft, n),
+        run.base = match model.base {
+            Base::State => BaseName::State,
+            Base::Trapezoid => BaseName::Trapezoid,
+            Base::Flight | Base::ExactFlight => BaseName::Flight,
             Base::Nothing => refuse!("the model predicts states; say with --recipe how it is trained on"),
         };
         if !matches!(network.architecture, Architecture::Transformer | Architecture::Residual) || !model.view.own() {

@@ -132,7 +132,6 @@ impl RunConfig {
             (rolled && self.huber.is_some(), "--huber means nothing where --sequence rolls out"),
             (rolled && self.fresh > 0, "--fresh means nothing where --sequence rolls out"),
             (self.epsilon.is_some() && self.from.is_some(), "--epsilon: the model that --from starts from has its own; leave one out"),
-            (self.draft != Self::default().draft && self.base != BaseName::Draft, "--draft means nothing without --base draft"),
             (self.f32 && self.device != Device::Cuda, "--f32 means nothing without --device cuda"),
         ];
         match wrong.iter().find(|(wrong, _)| *wrong) {
@@ -154,7 +153,6 @@ impl RunConfig {
                 self.robot
             ),
             BaseName::Flight => Base::flight_of(self.record.truth(system)),
-            BaseName::Draft => Base::Draft(self.draft),
         };
         self.variant.check(base)?;
         Ok(base)
@@ -227,8 +225,8 @@ impl RunConfig {
 /// The model that a run starts from. It may have learned another truth: most of what it knows holds in this one, too.
 fn parent(folder: &Path, system: &System, network: TransformerConfig, form: Form) -> Result<Model> {
     let mut parent = Model::load(&shipped::find(folder), system, None)?;
-    // What predictions mean; which flight or draft they are added to may differ.
-    let like = |form: Form| (form.view, form.base.flies(), form.base.moves(), form.base == Base::Trapezoid, form.base == Base::Nothing);
+    // What predictions mean; which flight they are added to may differ.
+    let like = |form: Form| (form.view, form.base.flies(), form.base == Base::Trapezoid, form.base == Base::Nothing);
     if network.positions == Positions::Rotary {
         // No weight depends on how long its training sequences were.
         parent.config.network.block = network.block;

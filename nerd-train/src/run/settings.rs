@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use nerd_sim::articulated::Draft;
 use serde::{Deserialize, Serialize};
 
 use super::recording::RecordConfig;
@@ -22,11 +21,9 @@ settings! {
         robot: String = String::new(), Text;
         /// Folder of the run; the same command continues it
         out: PathBuf = PathBuf::new(), Text;
-        /// What predictions are added to: state (the paper), trapezoid (the state, positions by the mean of the velocities), flight (one contact-free frame; the network is left with contact) or
-        /// draft (a coarse implicit step, contact and all; the network is left with what finer ones change)
-        base: BaseName = BaseName::State, Words(&["state", "trapezoid", "flight", "draft"]);
-        /// Substeps of the draft with --base draft
-        draft: usize = 1, Whole(1..=Draft::MOST as u64);
+        /// What predictions are added to: state (the paper), trapezoid (the state, positions by the mean of the velocities) or flight (one
+        /// contact-free frame; the network is left with contact)
+        base: BaseName = BaseName::State, Words(&["state", "trapezoid", "flight"]);
         /// NeRD, one of the designs it is compared with (paper A.3.3), or chain, for cables: rod by rod, through many frames
         variant: Variant = Variant::Nerd, Words(Variant::WORDS);
         /// Width of the network (the paper: 192, or 384)
@@ -112,6 +109,4 @@ pub enum BaseName {
     Trapezoid,
     /// The state after a frame without contact, as the truth flies it.
     Flight,
-    /// The state after a few coarse substeps.
-    Draft,
 }

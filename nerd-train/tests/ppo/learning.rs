@@ -182,7 +182,7 @@ fn a_learned_solver_goes_on_too() {
     for (name, base, positions, allowed) in [
         ("cartpole-swingup", Base::State, Positions::Table, 0.0),
         ("ant-run", Base::ExactFlight, Positions::Rotary, 1e-5),
-        ("anymal-side", Base::Draft(1), Positions::Rotary, 1e-5),
+        ("anymal-side", Base::Trapezoid, Positions::Rotary, 1e-5),
     ] {
         let task = || named(name).expect("registered");
         let system = System::named(task().robot()).expect("built in");

@@ -37,7 +37,7 @@ FN void wrap(double* state) {
 // One try of a frame from `state`, which the tree has been given, with `finer` times the substeps; 0, or why not.
 BIG int attempt(Work& w, const double* state, const double* tau, const double* scene, const double* drives, double* forces, int finer) {
     if (forces) for (int k = 0; k < 3 * NP; k++) forces[k] = 0;
-    const bool touching = NP > 0 && (FACED || (NC > 0 && scene[3] != 0));
+    const bool touching = NP > 0 && NC > 0 && scene[3] != 0;
     w.eventful = false;
     w.even = finer > 1;
     w.work = w.effort = 0;

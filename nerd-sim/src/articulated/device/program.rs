@@ -18,7 +18,7 @@ use super::super::touch::{CREEP, EVEN};
 use super::super::{ArticulatedConfig, ContactStep, Friction, Integrator, Refresh, along};
 use crate::batch::Batch;
 use crate::drive::Drive;
-use crate::scene::{Material, Scene};
+use crate::scene::Scene;
 use crate::system::System;
 use crate::system::capsules::{BARREL, Capsule};
 
@@ -57,21 +57,19 @@ pub enum Real {
 }
 
 /// What a program supports beyond its robot and settings; it is compiled again for more.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Reach {
     /// Colliders of a scene at most.
     pub colliders: usize,
     /// Whether there are drives.
     pub driven: bool,
-    /// Of a draft: the material of the planes that points face, which they are given before each frame.
-    pub faced: Option<Material>,
 }
 
 impl Reach {
     /// What a batch asks for.
     pub fn of(batch: &Batch) -> Self {
         let colliders = batch.scenes.iter().map(|s| s.colliders.len()).max().unwrap_or(0);
-        Self { colliders, driven: !batch.drives.is_empty(), faced: None }
+        Self { colliders, driven: !batch.drives.is_empty() }
     }
 }
 
@@ -110,14 +108,12 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
     define("HELD", flag(system.held()));
     define("ALONG", flag(along(robot) && system.stand_ins.is_empty() && !robot.mimics()));
     define("HALVINGS", count(HALVINGS));
-    let watched =
-        config.contact_step == ContactStep::Implicit && system.stand_ins.is_empty() && system.folds.is_empty() && reach.faced.is_none();
+    let watched = config.contact_step == ContactStep::Implicit && system.stand_ins.is_empty() && system.folds.is_empty();
     define("WATCHED", flag(watched));
     define("FINEST", count(FINEST));
     define("DRIVEN", flag(reach.driven));
     define("LOCI", flag(robot.contact_points.iter().any(|p| p.locus != Locus::Fixed)));
     define("FOLDS", count(system.folds.pairs.len()));
-    define("FACED", flag(reach.faced.is_some()));
     define("PASSES", count(PASSES));
     let constants = [("SETTLED", SETTLED), ("CREEP", CREEP), ("MOST_EULER", MOST), ("MOST_RK4", MOST_RK4), ("MOST_DRAG", MOST_DRAG)];
     let more =
@@ -134,8 +130,6 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
     joints(&mut text, robot, &bounds);
     points(&mut text, robot);
     folds(&mut text, system, &bounds);
-    let faced = reach.faced.map_or([0.0; 4], |m| [m.stiffness, m.damping, m.friction_damping, m.friction]);
-    real_table(&mut text, "FACES", faced.into());
     KERNELS[1..].iter().for_each(|part| text.push_str(part));
     text
 }

@@ -4,12 +4,9 @@
 
 constexpr int SCENE = 3 + COLLIDER * NC;     // numbers of a scene: gravity, colliders
 constexpr int DRIVES = DRIVEN ? NJ : 0;
-constexpr int PAIRS = FACED && !NC ? NP : NP * NC;
+constexpr int PAIRS = NP * NC;
 constexpr int MOST = PAIRS + PRESSED + DRIVES + 1;   // PRESSED: dry friction, both ends of a range
 constexpr int WEIGHTS = PAIRS + 3 * NJ + 1;
-
-// The plane that a point faces all through a draft, wherever it goes; its place in world axes.
-struct Facing { bool near; V3 normal; double place[3]; };
 
 struct Touch {
     int index;
@@ -28,7 +25,6 @@ struct Work {
     Tree tree;
     Surface surface[NC + 1];
     int surfaces;
-    Facing facing[FACED ? NP + 1 : 1];
     V3 gravity;
     Touch touch[MOST];
     int touches;
@@ -45,11 +41,6 @@ struct Work {
 
 FN double stands(const Work& w, int k) { return DOFS ? w.tree.q[k] : STAND[k]; }
 
-// A place of the world from where the root stands now.
-FN V3 from(const Work& w, const double* p) {
-    return v3((real)(p[0] - stands(w, 0)), (real)(p[1] - stands(w, 1)), (real)(p[2] - stands(w, 2)));
-}
-
 // The scene from where the root stands now.
 FN void survey(Work& w, const double* scene) {
     const double o[3] = {stands(w, 0), stands(w, 1), stands(w, 2)};
@@ -62,12 +53,10 @@ FN void survey(Work& w, const double* scene) {
     }
 }
 
-// What a substep meets: the scene, or one material, of which are the planes that points face.
+// What a substep meets.
 FN void see(Work& w, const double* scene) {
     w.gravity = v3((real)scene[0], (real)scene[1], (real)scene[2]);
-    if (!FACED) return survey(w, scene);
-    w.surfaces = 1;
-    for (int k = 0; k < 4; k++) w.surface[0].material[k] = FACES[k];
+    survey(w, scene);
 }
 
 // Of a gap in the middle of a substep and its change to the end: the part of the substep in which it is negative, and its mean there.
@@ -125,11 +114,6 @@ FN void near(const Tree& t, const Surface& plane, real h, unsigned* mask) {
 // What a point that may touch does; false if a distance is none.
 FN bool meet(Work& w, int point, real h) {
     const Tree& tr = w.tree;
-    if (FACED) {
-        const Facing& f = w.facing[point];
-        if (f.near) press(w, point, 0, f.normal, from(w, f.place), h);
-        return true;
-    }
     V3 n, nearest;
     if (w.surfaces == 1) {
         const real d = meets(tr, w.surface[0], point, n, nearest);
@@ -169,7 +153,7 @@ BIG bool find(Work& w, real h, const double* drives) {
     w.touches = 0;
     onward<0, NJ>([&](auto i) { w.pull[i] = SPRING[i] == 0 ? 0 : SPRING[i] * (real)((double)SLACK[i] - tr.q[COORDS + i]); });
     unsigned mask[WORDS];
-    const bool flat = !FACED && w.surfaces == 1 && w.surface[0].kind == 1;
+    const bool flat = w.surfaces == 1 && w.surface[0].kind == 1;
     for (int k = 0; k < WORDS; k++) mask[k] = flat ? 0 : ~0u;
     if (flat) near(tr, w.surface[0], h, mask);
     for (int k = 0; k < WORDS && w.surfaces > 0; k++) {

@@ -1,5 +1,5 @@
-//! A model as a solver whose frames never leave the device: contacts, draft, tokens, network and the state that follows are one captured
-//! graph a frame.
+//! A model as a solver whose frames never leave the device: contacts, tokens, network and the state that follows are one captured graph
+//! a frame.
 
 use std::sync::Arc;
 
@@ -34,8 +34,6 @@ pub struct Frames {
 
 struct Made {
     engine: Engine,
-    /// What `apply` needs of `tell`: the states that predictions are added to; of a chain, its rods.
-    before: Buffer<f64>,
     hold: Buffer<u32>,
     replay: Replay<[u64; 2]>,
     /// The frame that each environment's next token must be of, to follow on those that are remembered.
@@ -45,14 +43,14 @@ struct Made {
 enum Engine {
     /// Frame by frame.
     Stream(CudaStream),
-    /// Over a chain's rods.
-    Chain(Network, Buffer<f32>),
+    /// Over a chain's rods, with its weights, and what of them `apply` needs of `tell`.
+    Chain(Network, Buffer<f32>, Buffer<f64>),
 }
 
 /// A model as a solver of `system`; the device is opened at its first step. What is not the network of a chain has 64 bits, whatever `real`.
 ///
 /// # Errors
-/// What of the model has no kernel: networks that see windows, other bases than the state and drafts, other views than the robot's own.
+/// What of the model has no kernel: networks that see windows, other bases than the state and the trapezoid, other views than the robot's own.
 pub fn resident(model: Model, system: &Arc<System>, real: Real, precision: Precision) -> Result<OnDevice<Frames>, String> {
     let network = model.config.network;
     let refused = |e: LearnError| e.to_string();
@@ -64,7 +62,7 @@ pub fn resident(model: Model, system: &Arc<System>, real: Real, precision: Preci
         (Some((chain, ChainSolver::scale(&model.normalizer)?)), ArticulatedConfig::implicit(1, Friction::Coulomb))
     } else {
         Plan::stream(&network).map_err(refused)?;
-        (None, settings(model.config.form(), system)?.0)
+        (None, settings(model.config.form())?)
     };
     Ok(OnDevice::by(Frames { model, chain, config, real, precision, made: None }))
 }
@@ -90,25 +88,25 @@ impl Motion for Frames {
         self.made = None;
         let (weights, envs) = (&self.model.weights, batch.len());
         let solver = |e: LearnError| StepError::Solver(e.to_string());
-        let (engine, wide) = match &self.chain {
+        let engine = match &self.chain {
             Some((chain, scale)) => {
                 let plan = Plan::of(&weights.config, chain.rods).map_err(solver)?;
                 let (mut network, weights) = Network::with_weights(plan, &weights.flat, envs, self.precision, false).map_err(solver)?;
                 let text = chain_program(chain, scale, &batch.system, reach.colliders);
                 network.device.add(&text, &["chain_tell", "chain_apply"]).map_err(failed)?;
-                (Engine::Chain(network, weights), envs * numbers(chain))
+                let rods = network.device.zeros(envs * numbers(chain)).map_err(failed)?;
+                Engine::Chain(network, weights, rods)
             }
             None => {
                 let text = program(self.model.config.form(), &self.model.normalizer, &batch.system, self.real, reach.colliders)
                     .map_err(StepError::Solver)?;
                 let mut stream = CudaStream::new(weights, self.precision, envs).map_err(solver)?;
                 stream.network.device.add(&text, &["neural_tell", "neural_apply"]).map_err(failed)?;
-                (Engine::Stream(stream), batch.states.len())
+                Engine::Stream(stream)
             }
         };
-        let device = &engine.network().device;
-        let (before, hold) = (device.zeros(wide).map_err(failed)?, device.zeros(1).map_err(failed)?);
-        self.made = Some(Made { engine, before, hold, replay: Replay::default(), next: vec![u64::MAX; envs] });
+        let hold = engine.network().device.zeros(1).map_err(failed)?;
+        self.made = Some(Made { engine, hold, replay: Replay::default(), next: vec![u64::MAX; envs] });
         Ok(())
     }
 
@@ -180,25 +178,22 @@ impl Made {
     fn frame(&self, held: &Held) -> Result<(), DeviceError> {
         let Held { states, torques, records, scene_of, faults, done, n, .. } = held;
         let grid = |kernel, args: &[Arg]| self.engine.network().device.launch(kernel, (n.div_ceil(BLOCK), 1), (BLOCK, 1), 0, args);
-        let seen = |tokens: u64| {
-            let world = [states.ptr, torques.ptr, records.ptr, scene_of.ptr, self.before.ptr, tokens, faults.ptr, done.ptr].map(Ptr);
-            [&world[..], &[Int(*n), Ptr(self.hold.ptr)]].concat()
-        };
+        let world = [states.ptr, torques.ptr, records.ptr, scene_of.ptr].map(Ptr);
         let end = [Ptr(faults.ptr), Ptr(done.ptr), Int(*n)];
+        let look = |kernel, out: &[Arg]| grid(kernel, &[&world[..], out, &end, &[Ptr(self.hold.ptr)]].concat());
+        let follow = |kernel, by: &[Arg]| grid(kernel, &[&[Ptr(states.ptr)], by, &end].concat());
         let network = self.engine.network();
-        let (tokens, predictions) = (network.at(Slot(0)), network.predictions().ptr);
+        let (tokens, predictions) = (Ptr(network.at(Slot(0))), Ptr(network.predictions().ptr));
         match &self.engine {
             Engine::Stream(stream) => {
-                grid("neural_tell", &seen(tokens))?;
+                look("neural_tell", &[tokens])?;
                 stream.pass()?;
-                let after = [states.ptr, self.before.ptr, predictions, stream.taken.0.ptr].map(Ptr);
-                grid("neural_apply", &[&after[..], &end].concat())
+                follow("neural_apply", &[predictions, Ptr(stream.taken.0.ptr)])
             }
-            Engine::Chain(_, weights) => {
-                grid("chain_tell", &seen(tokens))?;
+            Engine::Chain(_, weights, rods) => {
+                look("chain_tell", &[Ptr(rods.ptr), tokens])?;
                 network.predict(weights.ptr, *n)?;
-                let after = [states.ptr, self.before.ptr, predictions].map(Ptr);
-                grid("chain_apply", &[&after[..], &end].concat())
+                follow("chain_apply", &[Ptr(rods.ptr), predictions])
             }
         }
     }
@@ -208,7 +203,7 @@ impl Engine {
     fn network(&self) -> &Network {
         match self {
             Self::Stream(stream) => &stream.network,
-            Self::Chain(network, _) => network,
+            Self::Chain(network, ..) => network,
         }
     }
 }

@@ -30,8 +30,7 @@ impl OnCard for Robot {
     }
 
     fn record(&self, system: &System, scene: &Scene, colliders: usize) -> Result<Vec<f64>, String> {
-        let (settings, reach) = settings(self.form, system)?;
-        record(scene, system, &settings, Reach { colliders, ..reach })
+        record(scene, system, &settings(self.form)?, Reach { colliders, ..Reach::default() })
     }
 
     fn numbers((): &()) -> [f64; 4] {

@@ -13,15 +13,13 @@ FN const double* scene(const Rollout& r, const Motions& m) { return m.scenes + (
 
 // The token of a state in frame k.
 FN void token(const Rollout& r, const Motions& m, int k, const double* state, float* out) {
-    double base[STATE];
-    tell(state, m.torques + ((long long)r.motion * m.frames + (long long)r.frame + k) * NJ, scene(r, m), base, out);
+    tell(state, m.torques + ((long long)r.motion * m.frames + (long long)r.frame + k) * NJ, scene(r, m), out);
 }
 
 // The state after a frame; what is no number stays none, so that it can be reported.
 FN void advance(const double* state, const float* said, double* after) {
-    double base[STATE];
-    for (int k = 0; k < STATE; k++) after[k] = base[k] = state[k];
-    if (apply(after, base, said)) for (int k = 0; k < STATE; k++) after[k] = infinite() - infinite();
+    for (int k = 0; k < STATE; k++) after[k] = state[k];
+    if (apply(after, said)) for (int k = 0; k < STATE; k++) after[k] = infinite() - infinite();
 }
 
 // The gradient by a state, from that by the state after it and that by its token.
