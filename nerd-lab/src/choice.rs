@@ -112,7 +112,6 @@ impl Choice {
 /// Form and size of a model, for tables and legends.
 pub fn describe(model: &ModelConfig) -> String {
     let form = match model.base {
-        Base::Flight | Base::ExactFlight => "on flight",
         Base::State | Base::Nothing if model.network.architecture == Architecture::Chain => "along the chain",
         Base::Trapezoid => "on the trapezoid",
         Base::State | Base::Nothing => "paper's form",

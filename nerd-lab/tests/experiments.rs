@@ -71,10 +71,10 @@ fn a_model_that_adds_nothing_is_not_shipped() {
     let case = Case { solver: Choice::model(&mine), ..truth(|asked| asked.frames = Some(20)) };
     conduct(&Passive::new("passive", &[case]).expect("asked"), &results).expect("measured");
     println!("{:?}", lines());
-    assert!(lines().len() == 1 && lines()[0].contains("base alone errs 1.00 times"), "{:?}", lines());
+    assert!(lines().len() == 1 && lines()[0].contains("(constant velocity) errs 1.00 times"), "{:?}", lines());
     let mut result = Artifact::read(&results, "passive").expect("a result");
     let of = result.data["rows"][0]["verdict"].clone();
-    for (base, linear, refused) in [(5.1, 4.9, "linear map errs 4.90"), (4.9, 5.1, "base alone errs 4.90"), (5.1, 5.1, "")] {
+    for (base, linear, refused) in [(5.1, 4.9, "linear map errs 4.90"), (4.9, 5.1, "(constant velocity) errs 4.90"), (5.1, 5.1, "")] {
         for (row, times) in [("base", base), ("linear", linear)] {
             let errors = of["model"]["errors"].as_array().expect("errors").iter().filter_map(|e| e.as_f64());
             result.data["rows"][0]["verdict"][row]["errors"] = errors.map(|e| times * e).collect::<Vec<_>>().into();

@@ -11,7 +11,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     simulation.step(&[0.0; 16 * 2])?; // one frame of all sixteen, by equations
 
     let model = Model::load("models/pendulum".as_ref(), &system, Some("articulated accurate"))?;
-    simulation.solver = Box::new(Neural::on_cpu(model, &system));
+    simulation.solver = Box::new(Neural::on_cpu(model));
     simulation.step(&[0.0; 16 * 2])?; // the next frame, by the network; nothing else changes
     println!("{:?}", simulation.batch.state(0));
     Ok(())

@@ -3,10 +3,12 @@
 //! A token of a robot that can touch something or move its base:
 //! `[state in its own frame, normals (3 C), scene points (3 C), depths (C), torques, gravity direction (3)]`, contact
 //! quantities masked to zero beyond `xi`; for any other robot: `[state, torques]`. A scene pays only for what it has.
-//! With a base of flight ([`Base::Flight`]) a token also holds how far flight carries each contact
-//! point (3 C, m, masked likewise), since what contact adds depends first on that, and kinematics is hard to learn.
-//! The target is the change over the frame from its base ([`Base`]), seen from the frame of the token: additive
-//! for positions, joints and velocities (angles wrapped), a quaternion from the left for the orientation of a floating root.
+//! With [`View::Moving`] it also holds the velocity of each contact point (3 C, m/s) and how near it is now and a frame ahead (2 C), masked
+//! likewise, and of angles that wrap sine and cosine.
+//! The target is the change over the frame, seen from the frame of the token: additive for positions, joints and velocities (angles
+//! wrapped), a quaternion from the left for the orientation of a floating root. [`Base`] says from where it counts.
+//!
+//! No token or target knows a mass, force or acceleration.
 //!
 //! With another [`View`] than the robot's own, all this is seen from the world's axes and origin.
 
@@ -14,7 +16,7 @@ use std::sync::Arc;
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use nerd_core::contact::{ContactEvent, ContactPoint};
-use nerd_core::dynamics::{Data, kinematics, link_pose, point_position, velocities};
+use nerd_core::dynamics::{Data, kinematics, link_pose, velocities};
 use nerd_core::frames::RootFrame;
 use nerd_core::robot::Robot;
 use nerd_core::state::{quaternion, wrap, wrap_state, write_quaternion};
@@ -53,15 +55,9 @@ impl Features {
 
     /// Width of a token.
     pub fn inputs(system: &System, form: impl Into<Form>) -> usize {
-        let Form { base, view, .. } = form.into();
+        let Form { view, .. } = form.into();
         let plain = system.robot.state_dim() + system.robot.joint_count();
-        let a_point = 7 + if view == View::Moving {
-            5
-        } else if base.flies() {
-            3
-        } else {
-            0
-        };
+        let a_point = if view == View::Moving { 12 } else { 7 };
         let plain = plain + if view == View::Moving { system.robot.joints().filter(|joint| joint.wraps()).count() } else { 0 };
         if Self::situated(&system.robot) && view != View::Blind { plain + a_point * system.robot.contact_points.len() + 3 } else { plain }
     }
@@ -84,24 +80,13 @@ impl Features {
         RootFrame::at(&link_pose(&self.data, 0))
     }
 
-    /// Writes the token of a frame: the state before it, its contacts, the torques held over it, gravity's vector; `base` is
-    /// what its prediction is added to.
-    pub fn token(
-        &mut self,
-        state: &[f64],
-        base: &[f64],
-        contacts: &[ContactEvent],
-        torques: &[f64],
-        gravity: &Vector3<f64>,
-        out: &mut [f32],
-    ) {
+    /// Writes the token of a frame: the state before it, its contacts, the torques held over it, gravity's vector.
+    pub fn token(&mut self, state: &[f64], contacts: &[ContactEvent], torques: &[f64], gravity: &Vector3<f64>, out: &mut [f32]) {
         let system = self.system.clone();
         let situated = Self::situated(&system.robot);
         let frame = if situated { self.frame(state) } else { world() };
         if situated && self.form.view == View::Moving {
             self.speeds(state, contacts);
-        } else if self.form.base.flies() && self.form.view != View::Blind {
-            self.carry(state, base);
         }
         if situated {
             frame.state_in(&system.robot, state, &mut self.near);
@@ -174,27 +159,16 @@ impl Features {
         self.ways.extend(contacts.iter().zip(&robot.contact_points).map(speed));
     }
 
-    /// How far each contact point travels from `state` to `base`, world axes, into `ways`.
-    fn carry(&mut self, state: &[f64], base: &[f64]) {
-        let robot = &self.system.robot;
-        let place = |data: &Data, k: usize| point_position(data, robot.contact_points[k].link, &robot.contact_points[k].local);
-        kinematics(robot, state, &mut self.data);
-        self.ways.clear();
-        self.ways.extend((0..robot.contact_points.len()).map(|k| place(&self.data, k)));
-        kinematics(robot, base, &mut self.data);
-        self.ways.iter_mut().enumerate().for_each(|(k, way)| *way = place(&self.data, k) - *way);
-    }
-
     /// The frame in which changes are taken: a floating root's own, elsewhere the world, since joints have no other.
     fn place(&self, state: &[f64]) -> RootFrame {
         if self.system.robot.floating() && self.form.view.own() { RootFrame::of(state) } else { world() }
     }
 
-    /// Writes what a prediction is added to, seen from `frame`, into `near`: a base, or the state with only zeros in it.
-    fn ground(&mut self, frame: &RootFrame, base: &[f64]) {
+    /// Writes what a prediction is added to, seen from `frame`, into `near`: the state, or one with only zeros in it.
+    fn ground(&mut self, frame: &RootFrame, state: &[f64]) {
         let robot = &self.system.robot;
         if self.form.base != Base::Nothing {
-            return frame.state_in(robot, base, &mut self.near);
+            return frame.state_in(robot, state, &mut self.near);
         }
         self.near.fill(0.0);
         if robot.floating() {
@@ -202,19 +176,19 @@ impl Features {
         }
     }
 
-    /// Writes the target of a frame from `state` to `next`: the change from `base` to `next`, seen from `state`.
-    pub fn target(&mut self, state: &[f64], base: &[f64], next: &[f64], out: &mut [f32]) {
+    /// Writes the target of a frame from `state` to `next`: the change, seen from `state`.
+    pub fn target(&mut self, state: &[f64], next: &[f64], out: &mut [f32]) {
         let system = self.system.clone();
         let robot = &system.robot;
         let frame = self.place(state);
-        self.ground(&frame, base);
+        self.ground(&frame, state);
         frame.state_in(robot, next, &mut self.far);
         let mut change: Vec<f64> = self.near.iter().zip(&self.far).map(|(a, b)| b - a).collect();
         for (i, _) in robot.joints().enumerate().filter(|(_, joint)| joint.wraps()) {
             let k = robot.root_coords() + i;
             // Angles without a seam: the token's, wrapped, and the turn since.
             let from = if self.form.base == Base::Nothing { wrap(state[k]) } else { 0.0 };
-            change[k] = from + wrap(next[k] - base[k]);
+            change[k] = from + wrap(next[k] - state[k]);
         }
         if robot.floating() {
             let turn = quaternion(&self.far[3..7]) * quaternion(&self.near[3..7]).inverse();
@@ -226,12 +200,12 @@ impl Features {
         cast(&change, out);
     }
 
-    /// Writes the state that lies `change` (as in [`Self::target`]) from `base`.
-    pub fn apply(&mut self, state: &[f64], base: &[f64], change: &[f64], next: &mut [f64]) {
+    /// Writes the state that lies `change` (as in [`Self::target`]) from `state`.
+    pub fn apply(&mut self, state: &[f64], change: &[f64], next: &mut [f64]) {
         let system = self.system.clone();
         let robot = &system.robot;
         let frame = self.place(state);
-        self.ground(&frame, base);
+        self.ground(&frame, state);
         let mut change = change.to_vec();
         if self.form.base == Base::Trapezoid {
             trapezoid::add(robot, system.frame_time, state, &mut change);

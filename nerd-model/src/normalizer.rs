@@ -3,8 +3,8 @@
 //! Inputs become `(x - mean) / sqrt(var + epsilon)`, outputs are multiplied back. The statistics run over every token
 //! of every window of h tokens, so a token inside a trajectory counts as often as windows hold it (up to h times).
 //!
-//! The paper's epsilon of 1e-5 is absolute: a target that varies less than 3e-3 of its unit, as what contact adds to a pose over
-//! a frame of flight, counts less in the loss than others do. So it is kept with the moments, a choice of each run.
+//! The paper's epsilon of 1e-5 is absolute: a target that varies less than 3e-3 of its unit counts less in the loss than others do. So it
+//! is kept with the moments, a choice of each run.
 
 use serde::{Deserialize, Serialize};
 

@@ -117,7 +117,7 @@ impl fmt::Display for Setting {
 pub fn learned(model: Model, system: &Arc<System>) -> Result<Box<dyn Solver>, ModelError> {
     Ok(match model.config.network.architecture {
         Architecture::Chain => Box::new(ChainSolver::new(&model.weights, &model.normalizer, system)?),
-        _ => Box::new(Neural::on_cpu(model, system)),
+        _ => Box::new(Neural::on_cpu(model)),
     })
 }
 

@@ -37,8 +37,7 @@ pub struct Seen<'a> {
     pub frame_time: f64,
 }
 
-/// Adds to `slope`, by the state, what [`Features::token`] makes of a gradient by its token. Views and bases other than the robot's own and
-/// the state have none.
+/// Adds to `slope`, by the state, what [`Features::token`] makes of a gradient by its token. Views other than the robot's own have none.
 pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f64], data: &mut Data, slope: &mut [f64]) {
     let Seen { state, contacts, gravity, view, frame_time } = seen;
     let moving = *view == View::Moving;
@@ -157,7 +156,7 @@ fn carried(robot: &Robot, data: &Data, loads: &mut [Wrench], slope: &mut [f64]) 
     }
 }
 
-/// Adds to `slope`, by the state, what [`Features::apply`] on a base of the state makes of an `upstream` gradient by the next state, and
+/// Adds to `slope`, by the state, what [`Features::apply`] makes of an `upstream` gradient by the next state, and
 /// writes that by the predicted `change`.
 pub fn apply_back(robot: &Robot, state: &[f64], change: &[f64], upstream: &[f64], slope: &mut [f64], by_change: &mut [f64]) {
     let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());

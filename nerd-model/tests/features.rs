@@ -17,14 +17,14 @@ use nerd_sim::scene::{Collider, Plane};
 fn forms() -> impl Iterator<Item = Form> {
     let views = [View::Own, View::Moving, View::World, View::Blind];
     let plain = [Base::State, Base::Nothing].into_iter().flat_map(move |base| views.map(|view| Form { base, view }));
-    plain.chain([Base::Trapezoid.into(), Base::Flight.into()])
+    plain.chain([View::Own, View::Moving].map(|view| Form { base: Base::Trapezoid, view }))
 }
 
 fn system(robot: &str) -> Arc<System> {
     System::named(robot).expect("built in")
 }
 
-/// From whatever it is added to; f32 of a change of at most a few units.
+/// f32 of a change of at most a few units.
 #[test]
 fn what_is_predicted_leads_to_the_next_state_in_every_form() {
     for robot in ["pendulum", "cartpole", "cube", "ant"] {
@@ -34,11 +34,10 @@ fn what_is_predicted_leads_to_the_next_state_in_every_form() {
             let mut features = Features::new(&system, form);
             let (mut target, mut made, mut worst) = (vec![0.0f32; d], vec![0.0; d], 0.0f64);
             for k in 0..50 {
-                let [state, from, next] = [0, 1, 2].map(|i| start(&system, Start::Sample, &mut stream(42, 3 * k + i)));
-                let from = if form.base.flies() { from } else { state.clone() };
-                features.target(&state, &from, &next, &mut target);
+                let [state, next] = [0, 1].map(|i| start(&system, Start::Sample, &mut stream(42, 2 * k + i)));
+                features.target(&state, &next, &mut target);
                 let change: Vec<f64> = target.iter().map(|x| f64::from(*x)).collect();
-                features.apply(&state, &from, &change, &mut made);
+                features.apply(&state, &change, &mut made);
                 for (i, (a, b)) in made.iter().zip(&next).enumerate() {
                     let wraps = (root..system.robot.nq()).contains(&i) && system.robot.joints().nth(i - root).is_some_and(|j| j.wraps());
                     worst = worst.max(if wraps { wrap(a - b).abs() } else { (a - b).abs() / b.abs().max(1.0) });
@@ -56,7 +55,7 @@ fn an_absolute_angle_has_no_seam() {
     let mut features = Features::new(&system, Base::Nothing);
     let mut target = vec![0.0f32; 4];
     let (state, next) = ([3.1, 0.0, 5.0, 0.0], [wrap(3.1 + 0.08), 0.0, 5.0, 0.0]);
-    features.target(&state, &state, &next, &mut target);
+    features.target(&state, &next, &mut target);
     assert!((f64::from(target[0]) - 3.18).abs() < 1e-6, "from 3.1 to 3.18 rad is {}", target[0]);
 }
 
@@ -66,7 +65,7 @@ fn token(system: &Arc<System>, form: Form, state: &[f64], depth: f64) -> Vec<f32
     let events: Vec<_> = (0..system.robot.contact_points.len()).map(event).collect();
     let mut out = vec![0.0; Features::inputs(system, form)];
     let torques = vec![0.5; system.robot.joint_count()];
-    Features::new(system, form).token(state, state, &events, &torques, &Vector3::new(0.0, -9.81, 0.0), &mut out);
+    Features::new(system, form).token(state, &events, &torques, &Vector3::new(0.0, -9.81, 0.0), &mut out);
     out
 }
 
@@ -82,7 +81,7 @@ fn each_view_sees_what_it_should() {
             there[nq + 4] -= 20.0 * state[nq + 2];
             there[nq + 5] += 20.0 * state[nq + 1];
         }
-        for form in forms().filter(|form| !form.base.flies()) {
+        for form in forms() {
             let [near, far] = [0.01, 0.02].map(|depth| token(&system, form, &state, depth));
             let blind = form.view == View::Blind;
             assert_eq!(near.len() == state.len() + system.robot.joint_count(), blind, "{robot}, {form:?}: {} numbers", near.len());
@@ -99,8 +98,8 @@ fn each_view_sees_what_it_should() {
     }
 }
 
-/// The token of a state on flight, in a scene with one tilted plane, after the whole world is moved by `motion`.
-fn flown(robot: &str, motion: &Isometry3<f64>, k: u64) -> Vec<f32> {
+/// The token of a state in a scene with one tilted plane, after the whole world is moved by `motion`.
+fn told(robot: &str, motion: &Isometry3<f64>, k: u64) -> Vec<f32> {
     let mut system = (*system(robot)).clone();
     if let nerd_core::robot::Base::Fixed(pose) = &mut system.robot.base {
         *pose = motion * *pose;
@@ -121,34 +120,32 @@ fn flown(robot: &str, motion: &Isometry3<f64>, k: u64) -> Vec<f32> {
     let plane = Plane { normal: turn * normal, offset: offset + (turn * normal).dot(&by) };
     let mut scene = Scene::free(turn * system.gravity());
     scene.colliders.push(Collider::plane(plane, system.spec.material));
-    let scene = Arc::new(scene);
     let torques: Vec<f64> = (0..system.robot.joint_count()).map(|i| 10.0 * (i as f64).sin()).collect();
-    let mut flight = Base::Flight.flight(&system).expect("flies");
-    let base = flight.step(&state, std::slice::from_ref(&scene), &torques).expect("a frame").to_vec();
     let mut events = Vec::new();
     contacts(&system.robot, &scene, &state, &mut Data::new(&system.robot), &mut events);
-    let mut out = vec![0.0; Features::inputs(&system, Base::Flight)];
-    Features::new(&system, Base::Flight).token(&state, &base, &events, &torques, &scene.gravity, &mut out);
+    let form = Form { base: Base::State, view: View::Moving };
+    let mut out = vec![0.0; Features::inputs(&system, form)];
+    Features::new(&system, form).token(&state, &events, &torques, &scene.gravity, &mut out);
     out
 }
 
 #[test]
-fn a_token_on_flight_sees_neither_place_nor_heading() {
+fn a_token_sees_neither_place_nor_heading() {
     let up = Vector3::y_axis();
     for robot in ["pendulum", "ant"] {
         let mut seen = 0;
         for k in 0..20 {
-            let here = flown(robot, &Isometry3::identity(), k);
+            let here = told(robot, &Isometry3::identity(), k);
             let (points, d) = (system(robot).robot.contact_points.len(), system(robot).robot.state_dim());
-            let ways = d + 7 * points;
-            seen += here[ways..ways + 3 * points].iter().filter(|x| **x != 0.0).count();
+            let speeds = d + 7 * points;
+            seen += here[speeds..speeds + 3 * points].iter().filter(|x| **x != 0.0).count();
             for (by, heading) in [(Vector3::new(3.0, -1.0, 2.0), 0.0), (Vector3::zeros(), 2.0), (Vector3::new(300.0, 20.0, -500.0), -1.3)] {
-                let there = flown(robot, &Isometry3::from_parts(by.into(), UnitQuaternion::from_axis_angle(&up, heading)), k);
+                let there = told(robot, &Isometry3::from_parts(by.into(), UnitQuaternion::from_axis_angle(&up, heading)), k);
                 let worst = here.iter().zip(&there).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
                 assert!(worst < 1e-5, "{robot}, start {k}, moved {by:?} and turned {heading}: {worst:.1e}");
             }
         }
-        assert!(seen > 0, "{robot}: no point was near enough for its way to be seen; the test shows nothing");
+        assert!(seen > 0, "{robot}: no point was near enough for its velocity to be seen; the test shows nothing");
     }
 }
 
@@ -184,10 +181,10 @@ fn a_pure_model_sees_no_dynamics() {
             for k in 0..20 {
                 let (state, mut events) = (start(&own, Start::Reset, &mut stream(11, k)), Vec::new());
                 contacts(&own.robot, &scene, &state, &mut data, &mut events);
-                features.token(&state, &state, &events, &torques, &scene.gravity, &mut token);
-                others.token(&state, &state, &events, &torques, &weaker.gravity, &mut same);
-                features.apply(&state, &state, &change, &mut next);
-                others.apply(&state, &state, &change, &mut then);
+                features.token(&state, &events, &torques, &scene.gravity, &mut token);
+                others.token(&state, &events, &torques, &weaker.gravity, &mut same);
+                features.apply(&state, &change, &mut next);
+                others.apply(&state, &change, &mut then);
                 assert!(token == same && next == then, "{robot}, {base:?}: start {k} shows what it is made of");
             }
         }

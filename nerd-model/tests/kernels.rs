@@ -39,7 +39,7 @@ struct Given {
 }
 
 impl Stream for Given {
-    fn push(&mut self, tokens: &[f32], _: &[usize], out: &mut Vec<f32>) -> Result<(), ForwardError> {
+    fn push(&mut self, tokens: &[f32], out: &mut Vec<f32>) -> Result<(), ForwardError> {
         *self.tokens.lock().expect("its own thread") = tokens.to_vec();
         out.clone_from(&self.predictions);
         Ok(())
@@ -109,7 +109,7 @@ fn kernels_tell_and_apply_as_the_solver_does() {
         let predictions: Vec<f32> = (0..batch.states.len()).map(|k| (k as f32 * 0.37).sin()).collect();
         let (mut own, noted) = (batch.clone(), Arc::new(Mutex::new(Vec::new())));
         let given = Given { predictions: predictions.clone(), tokens: noted.clone() };
-        Neural::new(model.clone(), &system, Box::new(given)).step(&mut own, &torques).expect("finite");
+        Neural::new(model.clone(), Box::new(given)).step(&mut own, &torques).expect("finite");
         let config = settings(model.config.form()).expect("it has kernels");
         for (real, most) in [(Real::F64, [1e-6, 1e-9]), (Real::F32, [1e-4, 2e-4])] {
             let name = format!("{robot}-{scene}-{real:?}");
@@ -160,7 +160,7 @@ fn kernels_of_a_chain_tell_and_apply_as_its_solver_does() {
 #[test]
 fn what_has_no_kernel_is_named() {
     let system = System::named("ant").expect("built in");
-    for (word, base, view) in [("Flight", Base::Flight, View::Own), ("view is World", Base::State, View::World)] {
+    for (word, base, view) in [("predicts states", Base::Nothing, View::Own), ("view is World", Base::State, View::World)] {
         let mut model = placed(&system, Base::State, Positions::Rotary);
         (model.config.base, model.config.view) = (base, view);
         let error = program(model.config.form(), &model.normalizer, &system, Real::F32, 1).expect_err("it has no kernel");

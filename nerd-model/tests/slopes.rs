@@ -99,7 +99,7 @@ fn a_gradient_by_a_token_comes_to_the_state_as_differences_say() {
             let mut token = |state: &[f64]| {
                 let mut token = vec![0.0f32; inputs];
                 contacts(&system.robot, &scene, state, &mut data, &mut events);
-                features.token(state, state, &events, &torques, &scene.gravity, &mut token);
+                features.token(state, &events, &torques, &scene.gravity, &mut token);
                 token.iter().zip(&by_token).map(|(x, g)| f64::from(*x) * g).sum::<f64>()
             };
             // To the fourth order: nearness bends within millimetres, and tokens have 32 bits.
@@ -183,7 +183,7 @@ fn a_gradient_by_the_next_state_comes_to_prediction_and_state_as_differences_say
         let upstream = some(n, 1.0);
         let mut apply = |state: &[f64], change: &[f64]| {
             let mut next = vec![0.0; d];
-            features.apply(state, state, change, &mut next);
+            features.apply(state, change, &mut next);
             next
         };
         let next = apply(&state, &change);

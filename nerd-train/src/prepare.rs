@@ -9,7 +9,6 @@ use nerd_model::features::Features;
 use nerd_model::form::Form;
 use nerd_model::normalizer::{Moments, Normalizer};
 use nerd_sim::dataset::{DatasetError, GenerateConfig, Manifest, Recording, record, sha256_of};
-use nerd_sim::scene::Scene;
 use nerd_sim::solver::Solver;
 use nerd_sim::system::System;
 use rayon::prelude::*;
@@ -19,40 +18,29 @@ use crate::ranks::{RankError, Ranks};
 use crate::windows::Windows;
 
 /// Tokens and targets of every frame of a recording, not normalised yet; in the form asked for.
-pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form: impl Into<Form>) -> Result<Windows, DatasetError> {
+pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form: impl Into<Form>) -> Windows {
     let form = form.into();
     let (inputs, d, joints) = (Features::inputs(system, form), system.robot.state_dim(), system.robot.joint_count());
     let f = recording.frames;
     let mut x = vec![0.0; recording.trajectories * f * inputs];
     let mut y = vec![0.0; recording.trajectories * f * d];
     let rows = x.par_chunks_mut(f * inputs).zip(y.par_chunks_mut(f * d)).enumerate();
-    rows.try_for_each_init(
-        || (Features::new(system, form), form.base.flight(system)),
-        |(features, flight), (trajectory, (x, y))| {
+    rows.for_each_init(
+        || Features::new(system, form),
+        |features, (trajectory, (x, y))| {
             let states = &recording.states[trajectory * (f + 1) * d..][..(f + 1) * d];
             let torques = &recording.torques[trajectory * f * joints..][..f * joints];
             let gravity = vector(&recording.gravity[3 * trajectory..]);
-            let bases = match flight {
-                None => states,
-                Some(flight) => {
-                    let free = Arc::new(Scene::free(gravity));
-                    let scenes = vec![free; f];
-                    let flown = flight.step(&states[..f * d], &scenes, torques);
-                    flown.map_err(|error| DatasetError::Step(trajectory as u64, error))?
-                }
-            };
             for frame in 0..f {
                 let (x, y) = (&mut x[frame * inputs..][..inputs], &mut y[frame * d..][..d]);
                 let (state, next) = (&states[frame * d..][..d], &states[(frame + 1) * d..][..d]);
                 let (events, torques) = (events(system, recording, trajectory * f + frame), &torques[frame * joints..][..joints]);
-                let base = &bases[frame * d..][..d];
-                features.token(state, base, &events, torques, &gravity, x);
-                features.target(state, base, next, y);
+                features.token(state, &events, torques, &gravity, x);
+                features.target(state, next, y);
             }
-            Ok::<_, DatasetError>(())
         },
-    )?;
-    Ok(Windows { inputs, outputs: d, frames: f, history, x, y })
+    );
+    Windows { inputs, outputs: d, frames: f, history, x, y }
 }
 
 /// Contacts at the start of a frame.
@@ -136,7 +124,7 @@ pub(crate) fn shard(
     (history, form): (usize, Form),
 ) -> Result<(Windows, [u8; 32]), DatasetError> {
     let recording = record(system, &mut *solver(), config, first, count)?;
-    Ok((tokens(system, &recording, history, form)?, recording.sha256()))
+    Ok((tokens(system, &recording, history, form), recording.sha256()))
 }
 
 /// Reads the shards of a folder that [`nerd_sim::dataset::generate`] wrote with the truth of that name.
@@ -144,7 +132,7 @@ pub fn read(system: &Arc<System>, truth: &str, folder: &Path, history: usize, fo
     let form = form.into();
     let (manifest, shards) = opened(system, truth, folder, |manifest, name| {
         let recording = manifest.shard(folder, name, system)?;
-        Ok((tokens(system, &recording, history, form)?, recording.sha256()))
+        Ok((tokens(system, &recording, history, form), recording.sha256()))
     })?;
     let hashes: Vec<_> = shards.iter().map(|s| s.1).collect();
     let prepared = joined(shards);

@@ -13,7 +13,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let model = Model::load(Path::new(&folder), &system, Some(&config.truth))?;
 
     let scene = system.scene(system.usual_scenes()[0])?;
-    let mut simulation = Simulation::new(Batch::new(&system, &scene, 16), Neural::on_cpu(model, &system));
+    let mut simulation = Simulation::new(Batch::new(&system, &scene, 16), Neural::on_cpu(model));
     let torques = vec![0.0; 16 * system.robot.joint_count()];
     for _ in 0..100 {
         simulation.step(&torques)?;

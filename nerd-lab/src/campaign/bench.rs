@@ -49,7 +49,7 @@ pub fn build(program: &Path, folder: &Path) -> Result<()> {
         ("dataset --robot pendulum --transitions 200 --frames 20".into(), "", "data"),
         ("policy train cartpole-swingup --envs 4 --horizon 4 --iterations 1 --minibatch 8".into(), "policy", "policy"),
         (TRAIN.into(), "model", "paper"),
-        (format!("{TRAIN} --stream --sequence 6 --base flight"), "model", "model"),
+        (format!("{TRAIN} --stream --sequence 6 --base trapezoid"), "model", "model"),
     ] {
         let made = tempfile::tempdir()?;
         let mut command = Command::new(program);

@@ -51,7 +51,7 @@ impl Inspection {
             let recording = manifest.shard(folder, name, system)?;
             let kept = counts.sift(&recording, bound);
             counts.take(system, &recording, &kept);
-            let windows = tokens(system, &recording, 1, Base::State)?;
+            let windows = tokens(system, &recording, 1, Base::State);
             let rows = windows.x.chunks_exact(windows.inputs).zip(windows.y.chunks_exact(windows.outputs)).enumerate();
             for (row, (x, y)) in rows.filter(|(row, _)| kept[row / recording.frames]) {
                 let depths = &recording.depths[row * points.len()..];

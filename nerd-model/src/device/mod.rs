@@ -29,7 +29,7 @@ pub fn settings(Form { base, view }: Form) -> Result<ArticulatedConfig, String> 
         return refuse(format!("whose view is {view:?}"));
     }
     match base {
-        Base::Flight | Base::ExactFlight | Base::Nothing => refuse(format!("that adds to {base:?}")),
+        Base::Nothing => refuse("that predicts states".into()),
         Base::State | Base::Trapezoid => Ok(ArticulatedConfig::implicit(1, Friction::Coulomb)),
     }
 }

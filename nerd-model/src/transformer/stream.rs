@@ -5,13 +5,11 @@ use crate::program::config::TransformerConfig;
 
 /// Evaluates a network one frame at a time, remembering what it needs of the frames before.
 ///
-/// A prediction is that of the training pass over all frames since the environment was cleared: every frame is a token, as in
-/// training, whether anything was asked of it or not.
+/// A prediction is that of the training pass over all frames since the environment was cleared.
 pub trait Stream: Send {
-    /// One frame of every environment. `tokens` is `[env][inputs]`, normalised, row-major; predictions for the environments
-    /// `asked` (increasing), in normalised target units, replace `out`: `[asked][outputs]`. The same number of environments
-    /// in every call.
-    fn push(&mut self, tokens: &[f32], asked: &[usize], out: &mut Vec<f32>) -> Result<(), ForwardError>;
+    /// One frame of every environment. `tokens` is `[env][inputs]`, normalised, row-major; predictions, in normalised target
+    /// units, replace `out`: `[env][outputs]`. The same number of environments in every call.
+    fn push(&mut self, tokens: &[f32], out: &mut Vec<f32>) -> Result<(), ForwardError>;
 
     /// Forgets the frames of one environment.
     fn clear(&mut self, env: usize);
@@ -48,21 +46,21 @@ impl<F: Forward> Windowed<F> {
 }
 
 impl<F: Forward> Stream for Windowed<F> {
-    fn push(&mut self, tokens: &[f32], asked: &[usize], out: &mut Vec<f32>) -> Result<(), ForwardError> {
+    fn push(&mut self, tokens: &[f32], out: &mut Vec<f32>) -> Result<(), ForwardError> {
         let (h, width) = (self.config.reach(), self.config.inputs);
-        let envs = check(&self.config, tokens, asked)?;
+        let envs = check(&self.config, tokens)?;
         self.tokens.resize(envs * h * width, 0.0);
         self.held.resize(envs, 0);
         tokens.chunks_exact(width).enumerate().for_each(|(env, token)| self.remember(env, token));
         out.clear();
         // Windows shorter than the longest are padded after their newest token, which a causal network cannot see.
-        let Some(longest) = asked.iter().map(|env| self.held[*env]).max() else { return Ok(()) };
+        let Some(longest) = self.held.iter().copied().max() else { return Ok(()) };
         self.window.clear();
         self.last.clear();
-        for env in asked {
-            self.window.extend_from_slice(&self.tokens[env * h * width..][..longest * width]);
-            self.last.push(self.held[*env] as u32 - 1);
+        for past in self.tokens.chunks_exact(h * width) {
+            self.window.extend_from_slice(&past[..longest * width]);
         }
+        self.last.extend(self.held.iter().map(|held| *held as u32 - 1));
         self.forward.forward(&self.window, longest, &self.last, out)
     }
 
@@ -74,13 +72,10 @@ impl<F: Forward> Stream for Windowed<F> {
 }
 
 /// Refuses frames that do not fit a network; the number of environments.
-pub(super) fn check(config: &TransformerConfig, tokens: &[f32], asked: &[usize]) -> Result<usize, ForwardError> {
+pub(super) fn check(config: &TransformerConfig, tokens: &[f32]) -> Result<usize, ForwardError> {
     let envs = tokens.len() / config.inputs;
     if envs * config.inputs != tokens.len() {
         return Err(ForwardError { message: format!("{} input values are not rows of {}", tokens.len(), config.inputs) });
-    }
-    if !asked.is_sorted_by(|a, b| a < b) || asked.last().is_some_and(|env| *env >= envs) {
-        return Err(ForwardError { message: format!("the environments asked for are not increasing numbers below {envs}") });
     }
     Ok(envs)
 }

@@ -115,7 +115,7 @@ impl Device {
             return Ok(learned(model, system)?);
         }
         let network = self.network(&model.weights, envs)?;
-        Ok(Box::new(Neural::new(model, system, network)))
+        Ok(Box::new(Neural::new(model, network)))
     }
 }
 

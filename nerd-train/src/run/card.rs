@@ -77,7 +77,7 @@ impl Identity {
             robot_sha256: plan.system.robot_sha256(),
             system_sha256: plan.system.sha256(),
             truth: record.truth(&plan.system).name(),
-            base: plan.base,
+            base: plan.config.base,
             variant: *variant,
             network: plan.network,
             unrolled: plan.config.unrolled(),
@@ -174,7 +174,7 @@ pub(super) fn export(plan: &Plan, run: &Identity, normalizer: Normalizer, weight
     let (provenance, table) = rows(out, plan.learner.seed, own)?;
     let config = model_config(run, &provenance);
     let card = format!(
-        "# {} of `{}`\n\n{} ({} parameters, E {}, {} layers, window {}) that learned {} of `{}`.\n\
+        "# {} of `{}`\n\n{} ({} parameters, E {}, {} layers, window {}) that learned one frame of `{}`.\n\
          {} updates of {} windows on {} {}transitions (SHA-256{} `{}`).\n\n{table}\n\
          Written by `cargo xtask train`.\n",
         run.variant.name(),
@@ -184,10 +184,6 @@ pub(super) fn export(plan: &Plan, run: &Identity, normalizer: Normalizer, weight
         run.network.embedding,
         run.network.layers,
         run.network.history,
-        match run.base {
-            Base::Flight | Base::ExactFlight => "what contact adds to one frame of flight",
-            Base::State | Base::Trapezoid | Base::Nothing => "one frame",
-        },
         run.truth,
         run.trainer.updates,
         run.learner.batch,
@@ -196,11 +192,8 @@ pub(super) fn export(plan: &Plan, run: &Identity, normalizer: Normalizer, weight
         if run.fresh > 0 { format!(" of the first {}", run.transitions) } else { String::new() },
         run.data_sha256,
     );
-    // What is added to flight bears ten bits (a pendulum on ground 1: 0.0074 rad either way); a whole frame does not (0.013
-    // becomes 0.017): for that `cargo xtask light` rounds with more care.
-    let storage = if run.base.flies() { Storage::F16 } else { Storage::F32 };
     let folder = out.join("model");
-    Model { config, normalizer, weights }.save(&folder, &card, storage)?;
+    Model { config, normalizer, weights }.save(&folder, &card, Storage::F32)?;
     tell!("model written to {}", folder.display());
     // A model is there whatever becomes of its verdict.
     match verdict_on(plan, &folder, &card) {

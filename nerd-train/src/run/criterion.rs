@@ -1,6 +1,5 @@
 //! The criterion that selects a run's weights.
 
-use nerd_model::base::Base;
 use nerd_model::folder::Model;
 use nerd_model::neural::Neural;
 use nerd_model::transformer::Weights;
@@ -15,8 +14,7 @@ use crate::unroll::chain::distance;
 /// Counted where a rollout is gone (rad or m): such weights rank behind all others.
 const ASTRAY: f64 = 1e3;
 
-/// Mean error over the paper's horizon: in free space and, where there is one, on the first ground; of a model on flight, on
-/// all grounds. Of a chain that of its nodes (m) along motions like those it learns from. Infinite if a rollout failed.
+/// Mean error over the paper's horizon, in free space and, where there is one, on the first ground. Of a chain that of its nodes (m) along motions like those it learns from. Infinite if a rollout failed.
 pub(super) fn rollout_error(plan: &Plan, identity: &Identity, judge: &Judge, weights: Weights) -> Result<f64> {
     let Plan { config, system, .. } = plan;
     let Judge { normalizer, motions } = judge;
@@ -25,16 +23,12 @@ pub(super) fn rollout_error(plan: &Plan, identity: &Identity, judge: &Judge, wei
     }
     let (starts, steps, seed) = (config.rollouts, horizon(&system.name), 1_000 + config.record.seed);
     let protocol = PassiveConfig { starts, steps, seed, action: Action::Zero };
-    // Flight has no error where there is nothing to touch.
-    let scenes: Vec<&str> = match identity.base {
-        Base::State | Base::Trapezoid | Base::Nothing => system.usual_scenes().into_iter().take(2).collect(),
-        Base::Flight | Base::ExactFlight => system.usual_scenes().into_iter().filter(|s| *s != "free").collect(),
-    };
+    let scenes: Vec<&str> = system.usual_scenes().into_iter().take(2).collect();
     let mut total = 0.0;
     for scene in &scenes {
         let model = Model { config: model_config(identity, &Default::default()), normalizer: normalizer.clone(), weights: weights.clone() };
         let network = config.device.network(&weights, starts)?;
-        let mut learned = Neural::new(model, system, network);
+        let mut learned = Neural::new(model, network);
         let mut truth = config.record.truth(system).solver(system);
         let report = passive(system, &system.scene(scene)?, &mut *truth, &mut learned, protocol, &mut |_| ())?;
         if report.failed > 0 {

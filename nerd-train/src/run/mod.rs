@@ -36,6 +36,6 @@ mod variant;
 
 pub use recipe::Recipe;
 pub use recording::RecordConfig;
-pub use settings::{BaseName, RunConfig};
+pub use settings::RunConfig;
 pub use train::Run;
 pub use variant::Variant;

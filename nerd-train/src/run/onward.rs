@@ -4,7 +4,7 @@ use nerd_model::base::Base;
 use nerd_model::folder::ModelConfig;
 use nerd_model::transformer::{Architecture, Positions};
 
-use super::settings::{BaseName, RunConfig};
+use super::settings::RunConfig;
 use crate::error::{Result, refuse};
 use crate::learner::Optimizer;
 
@@ -23,12 +23,10 @@ impl RunConfig {
     pub fn onward(model: &ModelConfig, updates: u64) -> Result<Self> {
         let network = &model.network;
         let mut run = Self { robot: model.robot.clone(), updates, batch: model.batch, ..Self::default() };
-        run.base = match model.base {
-            Base::State => BaseName::State,
-            Base::Trapezoid => BaseName::Trapezoid,
-            Base::Flight | Base::ExactFlight => BaseName::Flight,
-            Base::Nothing => refuse!("the model predicts states; say with --recipe how it is trained on"),
-        };
+        if model.base == Base::Nothing {
+            refuse!("the model predicts states; say with --recipe how it is trained on");
+        }
+        run.base = model.base;
         if !matches!(network.architecture, Architecture::Transformer | Architecture::Residual) || !model.view.own() {
             refuse!("the model is a chain or one of NeRD's rivals; say with --recipe how it is trained on");
         }

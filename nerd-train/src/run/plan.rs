@@ -15,7 +15,7 @@ use nerd_sim::prelude::*;
 use serde_json::json;
 
 use super::memory;
-use super::settings::{BaseName, RunConfig};
+use super::settings::RunConfig;
 use super::variant::Variant;
 use crate::device::Device;
 use crate::difference::between;
@@ -33,7 +33,6 @@ const SEQUENCE: usize = 32;
 pub(super) struct Plan {
     pub config: RunConfig,
     pub system: Arc<System>,
-    pub base: Base,
     pub form: Form,
     pub network: TransformerConfig,
     pub learner: LearnerConfig,
@@ -52,8 +51,7 @@ impl Plan {
         config.check()?;
         let system = System::named(&config.robot)?;
         progress::notes(&system);
-        let base = config.base(&system)?;
-        let form = config.variant.form(base);
+        let form = config.variant.form(config.base);
         let network = config.network(&system, form)?;
         let (learner, trainer) = (config.learner(), config.trainer());
         learner.check().and(trainer.check()).map_err(Error::Refused)?;
@@ -79,7 +77,7 @@ impl Plan {
         let actors = config.data.is_none().then(|| config.record.actors()).transpose()?;
         let arithmetic = arithmetic(config)?;
         let config = config.clone();
-        Ok(Self { config, system, base, form, network, learner, trainer, recording, parent, actors, arithmetic })
+        Ok(Self { config, system, form, network, learner, trainer, recording, parent, actors, arithmetic })
     }
 
     /// The chain that its network moves along.
@@ -109,7 +107,7 @@ impl RunConfig {
             (!recorded && self.fresh > 0, "--fresh records by itself: leave out --data"),
             (!recorded && !self.record.policy.is_empty(), "--policy records by itself: leave out --data"),
             (chain && self.stream, "--stream means nothing with --variant chain"),
-            (chain && self.base != BaseName::State, "--base means nothing with --variant chain"),
+            (chain && self.base != Base::State, "--base means nothing with --variant chain"),
             (chain && self.fresh > 0, "--fresh means nothing with --variant chain"),
             (chain && self.epsilon.is_some(), "--epsilon means nothing with --variant chain"),
             (chain && self.huber.is_some(), "--huber means nothing with --variant chain"),
@@ -125,10 +123,6 @@ impl RunConfig {
                 (chain || rolled) && !matches!(self.device, Device::Cpu | Device::Cuda),
                 "--device: through many frames cpu and cuda train, no other",
             ),
-            (
-                rolled && !matches!(self.base, BaseName::State | BaseName::Trapezoid),
-                "--sequence with --history 1 rolls out what is added to the state: --base state or trapezoid",
-            ),
             (rolled && self.huber.is_some(), "--huber means nothing where --sequence rolls out"),
             (rolled && self.fresh > 0, "--fresh means nothing where --sequence rolls out"),
             (self.epsilon.is_some() && self.from.is_some(), "--epsilon: the model that --from starts from has its own; leave one out"),
@@ -136,26 +130,8 @@ impl RunConfig {
         ];
         match wrong.iter().find(|(wrong, _)| *wrong) {
             Some((_, why)) => refuse!("{why}"),
-            None => Ok(()),
+            None => self.variant.check(self.base),
         }
-    }
-
-    /// What predictions are added to.
-    ///
-    /// # Errors
-    /// If the robot has nothing to learn so, or the variant predicts states.
-    pub fn base(&self, system: &System) -> Result<Base> {
-        let base = match self.base {
-            BaseName::State => Base::State,
-            BaseName::Trapezoid => Base::Trapezoid,
-            BaseName::Flight if system.robot.contact_points.is_empty() => refuse!(
-                "`{}` has nothing to touch: a frame of flight is its whole motion and needs no network; use --solver articulated",
-                self.robot
-            ),
-            BaseName::Flight => Base::flight_of(self.record.truth(system)),
-        };
-        self.variant.check(base)?;
-        Ok(base)
     }
 
     /// Shape of its network.
@@ -225,15 +201,13 @@ impl RunConfig {
 /// The model that a run starts from. It may have learned another truth: most of what it knows holds in this one, too.
 fn parent(folder: &Path, system: &System, network: TransformerConfig, form: Form) -> Result<Model> {
     let mut parent = Model::load(&shipped::find(folder), system, None)?;
-    // What predictions mean; which flight they are added to may differ.
-    let like = |form: Form| (form.view, form.base.flies(), form.base == Base::Trapezoid, form.base == Base::Nothing);
     if network.positions == Positions::Rotary {
         // No weight depends on how long its training sequences were.
         parent.config.network.block = network.block;
         parent.weights.config.block = network.block;
     }
     let theirs = (parent.config.form(), parent.config.network);
-    if theirs.1 != network || like(theirs.0) != like(form) {
+    if theirs.1 != network || theirs.0 != form {
         let settings = |(form, network): (Form, TransformerConfig)| json!({ "base": form.base, "view": form.view, "network": network });
         let apart = between(&settings(theirs).to_string(), &settings((form, network)).to_string());
         refuse!("--from {}: its network is not as this run's: {apart}; give this run its settings", folder.display());

@@ -2,7 +2,7 @@
 //!
 //! ```toml
 //! robot = "cube"              # settings of every run, as `RunConfig` has them
-//! base = "flight"
+//! base = "trapezoid"
 //!
 //! [[run]]                     # and of each
 //! updates = 70000

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use serde::{Deserialize, Serialize};
+use nerd_model::base::Base;
 
 use super::recording::RecordConfig;
 use super::variant::Variant;
@@ -21,9 +21,8 @@ settings! {
         robot: String = String::new(), Text;
         /// Folder of the run; the same command continues it
         out: PathBuf = PathBuf::new(), Text;
-        /// What predictions are added to: state (the paper), trapezoid (the state, positions by the mean of the velocities) or flight (one
-        /// contact-free frame; the network is left with contact)
-        base: BaseName = BaseName::State, Words(&["state", "trapezoid", "flight"]);
+        /// What predictions are added to: state (the paper) or trapezoid (the state, positions by the mean of the velocities)
+        base: Base = Base::State, Words(&["state", "trapezoid"]);
         /// NeRD, one of the designs it is compared with (paper A.3.3), or chain, for cables: rod by rod, through many frames
         variant: Variant = Variant::Nerd, Words(Variant::WORDS);
         /// Width of the network (the paper: 192, or 384)
@@ -96,17 +95,4 @@ impl RunConfig {
     pub fn new(robot: &str, out: impl Into<PathBuf>) -> Self {
         Self { robot: robot.into(), out: out.into(), ..Self::default() }
     }
-}
-
-/// What predictions are added to.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum BaseName {
-    /// The state before the frame.
-    #[default]
-    State,
-    /// The state, its positions by the trapezoid rule.
-    Trapezoid,
-    /// The state after a frame without contact, as the truth flies it.
-    Flight,
 }

@@ -58,9 +58,6 @@ impl Variant {
 
     /// Refuses what would be two decisions at once.
     pub fn check(self, base: Base) -> Result<()> {
-        if base.flies() && matches!(self, Self::Absolute | Self::EndToEnd) {
-            refuse!("--variant absolute and end-to-end predict states, which are added to nothing: leave --base flight out");
-        }
         if base == Base::Trapezoid && matches!(self, Self::Absolute | Self::EndToEnd | Self::World) {
             refuse!("--base trapezoid goes with the robot's own velocities: leave --variant absolute, end-to-end and world out");
         }

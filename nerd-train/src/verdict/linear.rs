@@ -31,14 +31,14 @@ pub(super) struct Linear {
 }
 
 impl Stream for Linear {
-    fn push(&mut self, tokens: &[f32], asked: &[usize], out: &mut Vec<f32>) -> Result<(), ForwardError> {
+    fn push(&mut self, tokens: &[f32], out: &mut Vec<f32>) -> Result<(), ForwardError> {
         let (weights, added) = self.weights.split_at(self.weights.len() - self.outputs);
         let inputs = weights.len() / self.outputs;
         out.clear();
-        for env in asked {
+        for token in tokens.chunks_exact(inputs) {
             let first = out.len();
             out.extend_from_slice(added);
-            for (x, row) in tokens[env * inputs..][..inputs].iter().zip(weights.chunks_exact(self.outputs)) {
+            for (x, row) in token.iter().zip(weights.chunks_exact(self.outputs)) {
                 out[first..].iter_mut().zip(row).for_each(|(y, w)| *y += x * w);
             }
         }
@@ -73,12 +73,12 @@ pub(super) fn maps(model: &Model, system: &Arc<System>, truth: Truth, seed: u64)
 }
 
 /// A model with a linear map in place of its network.
-pub(super) fn with(model: &Model, system: &Arc<System>, map: Linear) -> Box<dyn Solver> {
-    Box::new(Neural::new(model.clone(), system, Box::new(map)))
+pub(super) fn with(model: &Model, map: Linear) -> Box<dyn Solver> {
+    Box::new(Neural::new(model.clone(), Box::new(map)))
 }
 
 /// What a model's predictions are added to, alone: where that is the state, nothing moves; by the trapezoid rule all go on as they do.
-pub(super) fn base(model: &Model, system: &Arc<System>) -> Box<dyn Solver> {
+pub(super) fn base(model: &Model, system: &System) -> Box<dyn Solver> {
     if matches!(model.config.base, Base::State | Base::Nothing) {
         return Box::new(Hold);
     }
@@ -90,5 +90,5 @@ pub(super) fn base(model: &Model, system: &Arc<System>) -> Box<dyn Solver> {
     }
     let moments = Moments { mean, ..Moments::identity(outputs) };
     let normalizer = Normalizer { inputs: model.normalizer.inputs.clone(), outputs: moments };
-    with(&Model { normalizer, ..model.clone() }, system, Linear { outputs, weights: vec![0.0; (inputs + 1) * outputs] })
+    with(&Model { normalizer, ..model.clone() }, Linear { outputs, weights: vec![0.0; (inputs + 1) * outputs] })
 }

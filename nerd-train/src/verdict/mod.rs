@@ -100,11 +100,10 @@ pub fn verdict(system: &Arc<System>, scene: &Arc<Scene>, model: &Model, protocol
         let name = match model.config.base {
             Base::State | Base::Nothing => "base alone (hold last)",
             Base::Trapezoid => "base alone (constant velocity)",
-            _ => "base alone",
         };
         let base = row(name, linear::base(model, system))?;
         let own = row("model", learned(model.clone(), system)?)?;
-        let maps = maps.into_iter().map(|map| row("linear map", linear::with(model, system, map)));
+        let maps = maps.into_iter().map(|map| row("linear map", linear::with(model, map)));
         let maps = maps.collect::<Result<Vec<_>>>()?;
         let Some(linear) = maps.into_iter().min_by(|a, b| a.mean().total_cmp(&b.mean())) else {
             refuse!("no linear map fits the motions of `{}`: one of the model's inputs is not a number", system.name);

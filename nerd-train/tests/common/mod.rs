@@ -64,7 +64,7 @@ pub fn model(system: &Arc<System>, base: Base, positions: Positions) -> Model {
     let network =
         TransformerConfig { embedding: 24, layers: 2, heads: 4, block: 16, positions, ..TransformerConfig::paper(inputs, outputs, 24) };
     let (mut nothing, state) = (vec![0.0f32; outputs], system.default_state());
-    Features::new(system, base).target(&state, &state, &state, &mut nothing);
+    Features::new(system, base).target(&state, &state, &mut nothing);
     let moments = |mean: Vec<f64>, variance: f64| Moments { variance: vec![variance; mean.len()], mean, epsilon: 1e-5 };
     let normalizer =
         Normalizer { inputs: moments(vec![0.0; inputs], 4.0), outputs: moments(nothing.into_iter().map(f64::from).collect(), 1e-4) };

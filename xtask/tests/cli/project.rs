@@ -12,7 +12,7 @@ fn lists_have_what_can_be_named_and_json_the_same_rows() {
         ("robots", ["pendulum", "anymal-paper"]),
         ("scenes", ["ground6", "hills"]),
         ("tasks", ["ant-run", "franka-reach-torque"]),
-        ("models", ["models/ant-paper", "models/pendulum-paper"]),
+        ("models", ["models/cartpole-paper", "models/pendulum-paper"]),
         ("rows", ["free fall", "ANYmal kp 2000"]),
     ] {
         let table = done(&format!("list {list}"), &[]).0;

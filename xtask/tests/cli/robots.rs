@@ -49,7 +49,7 @@ fn a_model_of_rapier_is_measured_against_rapier_alone() {
     done("dataset --robot pendulum --truth rapier --transitions 2000 --out", &[&data]);
     let train = |truth: &str| {
         format!(
-            "train --robot pendulum --base flight --truth {truth} --data {} --recipe small --transitions 1000 --updates 6 --batch 16 \
+            "train --robot pendulum --base trapezoid --truth {truth} --data {} --recipe small --transitions 1000 --updates 6 --batch 16 \
              --rollouts 1 --out",
             data.display()
         )

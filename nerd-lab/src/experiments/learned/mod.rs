@@ -48,7 +48,7 @@ impl Experiment for Learned {
     fn measure(&self) -> Result<Measured> {
         let case = &self.case;
         let makers: [(&str, &Maker); 4] = [
-            ("learned", &|system| Ok(Box::new(Neural::on_cpu(Model::load(&case.model, system, None)?, system)))),
+            ("learned", &|system| Ok(Box::new(Neural::on_cpu(Model::load(&case.model, system, None)?)))),
             ("hold last", &|_| Ok(Box::new(Hold))),
             ("constant velocity", &|_| Ok(Box::new(Glide))),
             ("rapier 4x4", &|_| Ok(Box::new(Rapier::new(RapierConfig::default())))),

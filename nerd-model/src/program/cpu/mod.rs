@@ -59,8 +59,8 @@ pub enum Pass<'a> {
     Kept(usize),
     /// Windows of so many tokens; predictions of these rows alone.
     Windows(usize, &'a [usize]),
-    /// Tokens that something else mixes; predictions of these rows alone.
-    Stream(Mix<'a>, &'a [usize]),
+    /// Tokens that something else mixes.
+    Stream(Mix<'a>),
 }
 
 impl Loaded {
@@ -164,7 +164,7 @@ impl Loaded {
             }
             Op::Norm => normalize(&x, width, &mut y, aside),
             Op::Attend { heads, band } => match pass {
-                Pass::Stream(mix, _) => mix(attentions.next().unwrap_or(0), &mut x, &mut y),
+                Pass::Stream(mix) => mix(attentions.next().unwrap_or(0), &mut x, &mut y),
                 Pass::Kept(tokens) | Pass::Windows(tokens, _) => {
                     attention.shape(width / 3, heads, *tokens, band, &self.program.frequencies);
                     attention.forward(&mut x, aside, &mut y);
@@ -188,7 +188,7 @@ impl Loaded {
 
     /// After the last attention, rows without a request are dropped.
     fn narrow(&self, memory: &mut Memory, pass: &Pass) {
-        let (Pass::Windows(_, rows) | Pass::Stream(_, rows)) = pass else { return };
+        let Pass::Windows(_, rows) = pass else { return };
         let newest = self.mixing.map_or(Slot(0), |i| self.program.steps[i].to);
         for (&width, x) in self.program.widths.iter().zip(&mut memory.values[..=newest.0]) {
             if x.len() > rows.len() * width {
@@ -205,7 +205,7 @@ impl Pass<'_> {
     fn tokens(&self) -> Option<usize> {
         match self {
             Self::Kept(tokens) | Self::Windows(tokens, _) => Some(*tokens),
-            Self::Stream(..) => None,
+            Self::Stream(_) => None,
         }
     }
 }

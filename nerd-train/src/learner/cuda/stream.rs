@@ -9,8 +9,8 @@ use super::network::Network;
 use super::plan::Plan;
 use crate::learner::LearnError;
 
-/// Inference with memory on this process's GPU: every frame computes the token of every environment, whatever is asked, so one graph
-/// serves. Tokens `[env][padded]` are in slot 0 before a pass; whoever makes one without [`Stream::push`] counts them.
+/// Inference with memory on this process's GPU: every frame computes the token of every environment in one graph.
+/// Tokens `[env][padded]` are in slot 0 before a pass; whoever makes one without [`Stream::push`] counts them.
 pub struct CudaStream {
     replay: Replay,
     pub(super) network: Network,
@@ -19,7 +19,6 @@ pub struct CudaStream {
     rings: Buffer<f32>,
     /// Tokens taken of each environment since it was cleared, there and here.
     pub(super) taken: (Buffer<u32>, Vec<u32>),
-    predictions: Vec<f32>,
 }
 
 impl CudaStream {
@@ -37,7 +36,6 @@ impl CudaStream {
             weights,
             rings: d.zeros(attentions * envs * plan.attention.map_or(0, |a| a.ring()))?,
             taken: (d.zeros(envs)?, vec![0; envs]),
-            predictions: vec![0.0; envs * plan.outputs()],
             network,
         })
     }
@@ -64,31 +62,26 @@ impl CudaStream {
         self.network.device.write(there, here)
     }
 
-    fn frame(&mut self, tokens: &[f32], asked: &[usize], out: &mut Vec<f32>) -> Result<(), LearnError> {
+    fn frame(&mut self, tokens: &[f32], out: &mut Vec<f32>) -> Result<(), LearnError> {
         let (inputs, outputs, rows) = (self.network.plan.inputs(), self.network.plan.outputs(), self.network.rows);
         let envs = tokens.len() / inputs;
         if envs * inputs != tokens.len() || envs > rows {
             return Err(LearnError::Mismatch(format!("{} values for at most {rows} rows of {inputs}", tokens.len())));
         }
-        if !asked.is_sorted_by(|a, b| a < b) || asked.last().is_some_and(|env| *env >= envs) {
-            return Err(LearnError::Mismatch(format!("the environments asked for are not increasing numbers below {envs}")));
-        }
         self.network.load(tokens, 1)?;
         self.network.device.write(&self.taken.0, &self.taken.1)?;
         self.replay.run(&self.network.device, "forward pass", (), || self.pass())?;
         self.taken.1[..envs].iter_mut().for_each(|taken| *taken += 1);
-        out.clear();
-        if !asked.is_empty() {
-            self.network.device.read(self.network.predictions(), &mut self.predictions)?;
-            asked.iter().for_each(|env| out.extend_from_slice(&self.predictions[env * outputs..][..outputs]));
-        }
+        out.resize(rows * outputs, 0.0);
+        self.network.device.read(self.network.predictions(), out)?;
+        out.truncate(envs * outputs);
         Ok(())
     }
 }
 
 impl Stream for CudaStream {
-    fn push(&mut self, tokens: &[f32], asked: &[usize], out: &mut Vec<f32>) -> Result<(), ForwardError> {
-        Ok(self.frame(tokens, asked, out)?)
+    fn push(&mut self, tokens: &[f32], out: &mut Vec<f32>) -> Result<(), ForwardError> {
+        Ok(self.frame(tokens, out)?)
     }
 
     fn clear(&mut self, env: usize) {

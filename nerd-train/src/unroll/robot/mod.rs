@@ -132,14 +132,14 @@ impl Body for Robot {
         let first = tokens.len();
         tokens.resize(first + self.normalizer.inputs.mean.len(), 0.0);
         let torques = motions.torques(place.motion, place.frame);
-        features.token(state, state, &events, torques, &scene.gravity, &mut tokens[first..]);
+        features.token(state, &events, torques, &scene.gravity, &mut tokens[first..]);
         self.normalizer.inputs.normalize(&mut tokens[first..]);
         Looked { contacts: events, gravity: scene.gravity }
     }
 
     fn advance(&self, before: &Vec<f64>, _: &Looked, outputs: &[f32], scratch: &mut Scratch) -> Vec<f64> {
         let mut next = vec![0.0; before.len()];
-        scratch.features.apply(before, before, &self.change(outputs), &mut next);
+        scratch.features.apply(before, &self.change(outputs), &mut next);
         wrap_state(&self.system.robot, &mut next);
         next
     }
