@@ -1,6 +1,7 @@
 //! A solver by its description, as on the command line or in an experiment's settings; it is built once robot and scene are known.
 
 use nerd_model::base::Base;
+use nerd_model::form::View;
 use nerd_model::pick::pick;
 use nerd_model::transformer::Architecture;
 
@@ -113,6 +114,7 @@ impl Choice {
 pub fn describe(model: &ModelConfig) -> String {
     let form = match model.base {
         Base::State | Base::Nothing if model.network.architecture == Architecture::Chain => "along the chain",
+        _ if model.view == View::Moving => "pure",
         Base::Trapezoid => "on the trapezoid",
         Base::State | Base::Nothing => "paper's form",
     };

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use nerd_model::base::Base;
 use nerd_model::folder::{Model, ModelConfig};
+use nerd_model::form::View;
 use nerd_model::normalizer::Normalizer;
 use nerd_model::transformer::{Architecture, Storage, TransformerConfig, Weights};
 use serde::{Deserialize, Serialize};
@@ -22,6 +23,8 @@ use crate::records::rows;
 use crate::trainer::TrainerConfig;
 use crate::verdict::{Verdict, verdict};
 
+/// Weights of a network beyond which they are stored in 16 bits: a small one errs so little that rounding would be most of its error.
+const LARGE: usize = 1_000_000;
 /// Starts of the verdict on a new model.
 const JUDGED: usize = 16;
 
@@ -34,6 +37,8 @@ pub(super) struct Identity {
     pub system_sha256: String,
     pub truth: String,
     pub base: Base,
+    #[serde(default)]
+    pub view: View,
     #[serde(default, skip_serializing_if = "Variant::usual")]
     pub variant: Variant,
     pub network: TransformerConfig,
@@ -77,7 +82,8 @@ impl Identity {
             robot_sha256: plan.system.robot_sha256(),
             system_sha256: plan.system.sha256(),
             truth: record.truth(&plan.system).name(),
-            base: plan.config.base,
+            base: plan.form.base,
+            view: plan.form.view,
             variant: *variant,
             network: plan.network,
             unrolled: plan.config.unrolled(),
@@ -124,15 +130,14 @@ pub(super) fn resume(out: &Path, run: &Identity) -> Result<Option<LearnerState>>
 
 /// What `config.json` will hold.
 pub(super) fn model_config(run: &Identity, provenance: &BTreeMap<String, String>) -> ModelConfig {
-    let form = run.variant.form(run.base);
     ModelConfig {
         robot: run.robot.clone(),
         robot_sha256: run.robot_sha256.clone(),
         // Saving makes it.
         model_sha256: String::new(),
         truth: run.truth.clone(),
-        base: form.base,
-        view: form.view,
+        base: run.base,
+        view: run.view,
         network: run.network,
         data_sha256: run.data_sha256.clone(),
         transitions: run.transitions + run.fresh,
@@ -193,7 +198,8 @@ pub(super) fn export(plan: &Plan, run: &Identity, normalizer: Normalizer, weight
         run.data_sha256,
     );
     let folder = out.join("model");
-    Model { config, normalizer, weights }.save(&folder, &card, Storage::F32)?;
+    let storage = if weights.flat.len() > LARGE { Storage::F16 } else { Storage::F32 };
+    Model { config, normalizer, weights }.save(&folder, &card, storage)?;
     tell!("model written to {}", folder.display());
     // A model is there whatever becomes of its verdict.
     match verdict_on(plan, &folder, &card) {

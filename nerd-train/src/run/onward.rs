@@ -26,7 +26,7 @@ impl RunConfig {
         if model.base == Base::Nothing {
             refuse!("the model predicts states; say with --recipe how it is trained on");
         }
-        run.base = model.base;
+        (run.base, run.view) = (model.base, model.view);
         if !matches!(network.architecture, Architecture::Transformer | Architecture::Residual) || !model.view.own() {
             refuse!("the model is a chain or one of NeRD's rivals; say with --recipe how it is trained on");
         }

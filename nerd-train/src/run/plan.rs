@@ -51,7 +51,7 @@ impl Plan {
         config.check()?;
         let system = System::named(&config.robot)?;
         progress::notes(&system);
-        let form = config.variant.form(config.base);
+        let form = config.variant.form(Form { base: config.base, view: config.view });
         let network = config.network(&system, form)?;
         let (learner, trainer) = (config.learner(), config.trainer());
         learner.check().and(trainer.check()).map_err(Error::Refused)?;
@@ -130,7 +130,7 @@ impl RunConfig {
         ];
         match wrong.iter().find(|(wrong, _)| *wrong) {
             Some((_, why)) => refuse!("{why}"),
-            None => self.variant.check(self.base),
+            None => self.variant.check(Form { base: self.base, view: self.view }),
         }
     }
 

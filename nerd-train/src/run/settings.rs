@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use nerd_model::base::Base;
+use nerd_model::form::View;
 
 use super::recording::RecordConfig;
 use super::variant::Variant;
@@ -23,6 +24,8 @@ settings! {
         out: PathBuf = PathBuf::new(), Text;
         /// What predictions are added to: state (the paper) or trapezoid (the state, positions by the mean of the velocities)
         base: Base = Base::State, Words(&["state", "trapezoid"]);
+        /// What is seen of it: own (the paper), or moving: velocities and nearness of contact points, too, and angles without a seam
+        view: View = View::Own, Words(&["own", "moving"]);
         /// NeRD, one of the designs it is compared with (paper A.3.3), or chain, for cables: rod by rod, through many frames
         variant: Variant = Variant::Nerd, Words(Variant::WORDS);
         /// Width of the network (the paper: 192, or 384)

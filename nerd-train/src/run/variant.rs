@@ -15,8 +15,6 @@ pub enum Variant {
     /// The paper's design.
     #[default]
     Nerd,
-    /// With velocities of contact points and angles without a seam.
-    Moving,
     /// A perceptron of the present token alone.
     Mlp,
     /// Gated recurrent units in place of the Transformer.
@@ -39,12 +37,11 @@ pub enum Variant {
 
 impl Variant {
     /// Their names, as serde has them.
-    pub const WORDS: &[&str] =
-        &["nerd", "moving", "mlp", "gru", "lstm", "end-to-end", "absolute", "world", "chain", "raw-inputs", "raw-outputs"];
+    pub const WORDS: &[&str] = &["nerd", "mlp", "gru", "lstm", "end-to-end", "absolute", "world", "chain", "raw-inputs", "raw-outputs"];
 
     /// Whether it is NeRD itself.
     pub fn usual(&self) -> bool {
-        matches!(self, Self::Nerd | Self::Moving)
+        *self == Self::Nerd
     }
 
     /// In a title.
@@ -57,21 +54,23 @@ impl Variant {
     }
 
     /// Refuses what would be two decisions at once.
-    pub fn check(self, base: Base) -> Result<()> {
+    pub fn check(self, Form { base, view }: Form) -> Result<()> {
+        if view == View::Moving && matches!(self, Self::Absolute | Self::EndToEnd | Self::World | Self::Chain) {
+            refuse!("--view moving is one more decision than --variant absolute, end-to-end, world or chain: leave it out");
+        }
         if base == Base::Trapezoid && matches!(self, Self::Absolute | Self::EndToEnd | Self::World) {
             refuse!("--base trapezoid goes with the robot's own velocities: leave --variant absolute, end-to-end and world out");
         }
         Ok(())
     }
 
-    /// What its tokens hold and what its predictions mean; `base` is what changes are added to.
-    pub fn form(self, base: Base) -> Form {
+    /// What its tokens hold and what its predictions mean, of a run's `form`.
+    pub fn form(self, Form { base, view }: Form) -> Form {
         let (base, view) = match self {
             Self::EndToEnd => (Base::Nothing, View::Blind),
             Self::Absolute => (Base::Nothing, View::Own),
             Self::World => (base, View::World),
-            Self::Moving => (base, View::Moving),
-            _ => (base, View::Own),
+            _ => (base, view),
         };
         Form { base, view }
     }

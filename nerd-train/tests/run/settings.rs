@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use nerd_model::base::Base;
 use nerd_model::folder::{Model, ModelConfig};
+use nerd_model::form::Form;
 use nerd_model::transformer::{Architecture, TransformerConfig};
 use nerd_sim::dataset::Part;
 use nerd_sim::prelude::*;
@@ -42,7 +43,7 @@ fn every_shipped_recipe_can_be_read_and_each_run_starts_from_the_one_before() {
             assert!(run.finish && run.transitions == 1000 && frames >= 6000, "{name}, run {}: {run:?}", k + 1);
             if !run.robot.is_empty() {
                 let system = System::named(&run.robot).expect("built in");
-                let form = run.variant.form(run.base);
+                let form = run.variant.form(Form { base: run.base, view: run.view });
                 run.network(&system, form).unwrap_or_else(|e| panic!("{name}, run {}: {e}", k + 1));
             }
         }
