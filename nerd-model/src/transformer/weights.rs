@@ -31,7 +31,8 @@ impl From<safetensors::SafeTensorError> for WeightsError {
 pub enum Storage {
     /// As they are.
     F32,
-    /// Rounded to a mantissa of ten bits, which is all that training on tensor cores sees of them.
+    /// Matrices of the blocks rounded to a mantissa of ten bits, which is all that training on tensor cores sees of them; what reads the
+    /// token and what makes the prediction stays as it is.
     F16,
 }
 
@@ -74,9 +75,10 @@ impl Weights {
 
     /// The bytes of a safetensors file with `metadata` in its header.
     pub fn to_bytes(&self, metadata: HashMap<String, String>, storage: Storage) -> Result<Vec<u8>, WeightsError> {
+        let hidden = |t: &TensorSpec| t.name.starts_with("blocks.") && t.shape.len() == 2;
         let encode = |(tensor, x): (TensorSpec, &[f32])| match storage {
-            Storage::F32 => (tensor, Dtype::F32, x.iter().flat_map(|v| v.to_le_bytes()).collect()),
-            Storage::F16 => (tensor, Dtype::F16, x.iter().flat_map(|v| f16::from_f32(*v).to_le_bytes()).collect()),
+            Storage::F16 if hidden(&tensor) => (tensor, Dtype::F16, x.iter().flat_map(|v| f16::from_f32(*v).to_le_bytes()).collect()),
+            _ => (tensor, Dtype::F32, x.iter().flat_map(|v| v.to_le_bytes()).collect()),
         };
         let raw: Vec<(TensorSpec, Dtype, Vec<u8>)> = self.iter().map(encode).collect();
         let views = raw.iter().map(|(tensor, dtype, bytes)| Ok((&*tensor.name, TensorView::new(*dtype, tensor.shape.clone(), bytes)?)));
