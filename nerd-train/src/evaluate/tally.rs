@@ -11,6 +11,8 @@ use super::gaps::{Gaps, quantities};
 const GONE: f64 = 1e5;
 /// Multiple of the truth's largest speed beyond which a rollout has diverged.
 const FAST: f64 = 3.0;
+/// What is slower (rad/s, m/s) has not left, though the truth rests.
+const SLOW: f64 = 0.1;
 
 /// Errors of one solver against the truth; figures in the order of [`super::quantities`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -23,7 +25,7 @@ pub struct PassiveReport {
     pub hold: Vec<f64>,
     /// Mean |difference| averaged over the quantities by step, from step 1.
     pub curve: Vec<f64>,
-    /// Rollouts whose joints, turning or travel passed three times the truth's largest speed, or that left 1e5.
+    /// Rollouts whose joints, turning or travel passed three times the truth's largest speed (of one that rests 0.3), or that left 1e5.
     pub diverged: usize,
     /// First step at which a rollout diverged.
     pub first_divergence: Option<usize>,
@@ -112,7 +114,7 @@ impl Tally {
             let squares = of(&self.sums[0], k).into_iter().map(|s| (s / steps as f64 - m).powi(2));
             (squares.sum::<f64>() / (self.n.max(2) - 1) as f64 / self.n as f64).sqrt()
         };
-        let fast = |env: usize| self.speeds[env].iter().zip(self.fastest).any(|(v, most)| *v > FAST * most.max(1e-3));
+        let fast = |env: usize| self.speeds[env].iter().zip(self.fastest).any(|(v, most)| *v > FAST * most.max(SLOW));
         let away = |env: &usize| self.gone[*env].is_some() || self.failed[*env].is_some() || fast(*env);
         PassiveReport {
             error: means(&self.sums[0]),
