@@ -112,11 +112,10 @@ impl Choice {
 
 /// Form and size of a model, for tables and legends.
 pub fn describe(model: &ModelConfig) -> String {
-    let form = match model.base {
-        Base::State | Base::Nothing if model.network.architecture == Architecture::Chain => "along the chain",
-        _ if model.view == View::Moving => "pure",
-        Base::Trapezoid => "on the trapezoid",
-        Base::State | Base::Nothing => "paper's form",
+    let form = match model.network.architecture {
+        Architecture::Chain => "along the chain",
+        Architecture::Transformer if model.base == Base::State && model.view == View::Own => "paper's form",
+        _ => "pure",
     };
     format!("NeRD {form}, {:.2} M", model.network.parameters() as f64 / 1e6)
 }

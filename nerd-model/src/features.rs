@@ -3,14 +3,14 @@
 //! A token of a robot that can touch something or move its base:
 //! `[state in its own frame, normals (3 C), scene points (3 C), depths (C), torques, gravity direction (3)]`, contact
 //! quantities masked to zero beyond `xi`; for any other robot: `[state, torques]`. A scene pays only for what it has.
-//! With [`View::Moving`] it also holds the velocity of each contact point (3 C, m/s) and how near it is now and a frame ahead (2 C), masked
-//! likewise, and of angles that wrap sine and cosine.
+//! With [`View::Moving`] it also holds the velocity of each contact point (3 C, m/s) masked likewise, and
+//! how near it is now and a frame ahead (2 C), 1 beyond `xi`; of angles that wrap sine and, at the end, cosine.
 //! The target is the change over the frame, seen from the frame of the token: additive for positions, joints and velocities (angles
 //! wrapped), a quaternion from the left for the orientation of a floating root. [`Base`] says from where it counts.
 //!
 //! No token or target knows a mass, force or acceleration.
 //!
-//! With another [`View`] than the robot's own, all this is seen from the world's axes and origin.
+//! With [`View::World`] all this is seen from the world's axes and origin; [`View::Blind`] sees state and torques alone.
 
 use std::sync::Arc;
 
@@ -35,7 +35,7 @@ pub struct Features {
     system: Arc<System>,
     form: Form,
     data: Data,
-    ways: Vec<Vector3<f64>>,
+    velocities: Vec<Vector3<f64>>,
     near: Vec<f64>,
     far: Vec<f64>,
 }
@@ -45,7 +45,7 @@ impl Features {
     pub fn new(system: &Arc<System>, form: impl Into<Form>) -> Self {
         let d = system.robot.state_dim();
         let (data, near, far) = (Data::new(&system.robot), vec![0.0; d], vec![0.0; d]);
-        Self { data, system: system.clone(), form: form.into(), ways: Vec::new(), near, far }
+        Self { data, system: system.clone(), form: form.into(), velocities: Vec::new(), near, far }
     }
 
     /// Whether the robot has surroundings: it has contact points or a free base.
@@ -86,7 +86,7 @@ impl Features {
         let situated = Self::situated(&system.robot);
         let frame = if situated { self.frame(state) } else { world() };
         if situated && self.form.view == View::Moving {
-            self.speeds(state, contacts);
+            self.move_points(state, contacts);
         }
         if situated {
             frame.state_in(&system.robot, state, &mut self.near);
@@ -116,14 +116,14 @@ impl Features {
             put(if seen(k) { frame.point(&event.p1) } else { none }.as_slice());
         }
         contacts.iter().enumerate().for_each(|(k, event)| put(&[if seen(k) { event.distance } else { 0.0 }]));
-        for (k, way) in self.ways.iter().enumerate() {
-            put(if seen(k) { frame.direction(way) } else { none }.as_slice());
+        for (k, velocity) in self.velocities.iter().enumerate() {
+            put(if seen(k) { frame.direction(velocity) } else { none }.as_slice());
         }
         if self.form.view == View::Moving {
             for ahead in [0.0, system.frame_time] {
-                for (k, (event, way)) in contacts.iter().zip(&self.ways).enumerate() {
-                    let gap = event.distance - system.robot.contact_points[k].radius + ahead * event.normal.dot(way);
-                    put(&[if seen(k) { near(gap) } else { 1.0 }]);
+                for (k, (event, velocity)) in contacts.iter().zip(&self.velocities).enumerate() {
+                    let gap = event.distance - system.robot.contact_points[k].radius + ahead * event.normal.dot(velocity);
+                    put(&[if seen(k) { nearness(gap) } else { 1.0 }]);
                 }
             }
         }
@@ -148,15 +148,15 @@ impl Features {
         wraps.map(turn).collect()
     }
 
-    /// How fast each contact point moves (m/s), world axes, into `ways`.
-    fn speeds(&mut self, state: &[f64], contacts: &[ContactEvent]) {
+    /// How fast each contact point moves (m/s), world axes, into `velocities`.
+    fn move_points(&mut self, state: &[f64], contacts: &[ContactEvent]) {
         let (robot, data) = (&self.system.robot, &mut self.data);
         let (q, qd) = robot.split(state);
         kinematics(robot, q, data);
         velocities(robot, &qd.to_local(robot, q).0, data);
         let speed = |(event, point): (&ContactEvent, &ContactPoint)| data.velocity[point.link].at(&(event.p0 - data.origin));
-        self.ways.clear();
-        self.ways.extend(contacts.iter().zip(&robot.contact_points).map(speed));
+        self.velocities.clear();
+        self.velocities.extend(contacts.iter().zip(&robot.contact_points).map(speed));
     }
 
     /// The frame in which changes are taken: a floating root's own, elsewhere the world, since joints have no other.
@@ -220,12 +220,12 @@ impl Features {
 }
 
 /// How near a gap (m) is: -1 deep inside, 0 where surfaces meet, 1 far away; steepest where they meet.
-pub(crate) fn near(gap: f64) -> f64 {
+pub(crate) fn nearness(gap: f64) -> f64 {
     gap / gap.hypot(NEAR)
 }
 
 /// Its slope.
-pub(crate) fn nearer(gap: f64) -> f64 {
+pub(crate) fn nearness_slope(gap: f64) -> f64 {
     NEAR * NEAR / gap.hypot(NEAR).powi(3)
 }
 

@@ -20,7 +20,7 @@ use nerd_core::robot::Robot;
 use nerd_core::spatial::{Motion, Wrench};
 use nerd_core::state::vector;
 
-use crate::features::{Features, nearer};
+use crate::features::{Features, nearness_slope};
 use crate::form::View;
 
 /// What a token is made of.
@@ -94,7 +94,7 @@ pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f64], data: &mut Data,
             let (at, by_speed) = (event.p0 - data.origin, three(speeds, k));
             let velocity = data.velocity[point.link].at(&at);
             let gap = |ahead: f64| event.distance - point.radius + ahead * event.normal.dot(&velocity);
-            let [now, later] = [(0, 0.0), (count, *frame_time)].map(|(first, ahead)| nears[first + k] * nearer(gap(ahead)));
+            let [now, later] = [(0, 0.0), (count, *frame_time)].map(|(first, ahead)| nears[first + k] * nearness_slope(gap(ahead)));
             let by_closing = later * frame_time;
             by_depth += now + later;
             let along = r * by_speed + event.normal * by_closing;
@@ -118,8 +118,8 @@ pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f64], data: &mut Data,
     let at = o - data.origin;
     loads[0] += Wrench::force_at(r * shift, &at);
     loads[0].ang += r * turn;
-    carried(robot, data, &mut loads, slope);
-    carried(robot, data, &mut impulses, &mut slope[nv..]);
+    onto(robot, data, &mut loads, slope);
+    onto(robot, data, &mut impulses, &mut slope[nv..]);
 }
 
 /// Adds what poses of the joints above a link do to the velocity of its point at `x`, along a direction: with `w` the spin of a joint's
@@ -139,7 +139,7 @@ fn quickened(robot: &Robot, data: &Data, link: usize, x: &Vector3<f64>, along: &
 }
 
 /// Adds what wrenches on links, about the common origin, do along each degree of freedom of the pose.
-fn carried(robot: &Robot, data: &Data, loads: &mut [Wrench], slope: &mut [f64]) {
+fn onto(robot: &Robot, data: &Data, loads: &mut [Wrench], slope: &mut [f64]) {
     for (i, link) in robot.links.iter().enumerate().rev() {
         let load = loads[i];
         match link.joint {

@@ -172,11 +172,12 @@ fn a_pure_model_sees_no_dynamics() {
         let scene = own.scene(scene).expect("its own");
         let mut weaker = Scene::clone(&scene);
         weaker.gravity *= 0.5;
-        for base in [Base::State, Base::Trapezoid] {
-            let (mut features, mut others) = (Features::new(&own, base), Features::new(&other, base));
+        let forms = [Base::State, Base::Trapezoid].into_iter().flat_map(|base| [View::Own, View::Moving].map(|view| Form { base, view }));
+        for form in forms {
+            let (mut features, mut others) = (Features::new(&own, form), Features::new(&other, form));
             let torques: Vec<f64> = (0..own.robot.joint_count()).map(|k| k as f64).collect();
             let change: Vec<f64> = (0..own.robot.state_dim()).map(|k| 0.1 + 0.01 * k as f64).collect();
-            let [mut token, mut same] = [0, 1].map(|_| vec![0.0f32; Features::inputs(&own, base)]);
+            let [mut token, mut same] = [0, 1].map(|_| vec![0.0f32; Features::inputs(&own, form)]);
             let [mut next, mut then] = [0, 1].map(|_| vec![0.0; own.robot.state_dim()]);
             for k in 0..20 {
                 let (state, mut events) = (start(&own, Start::Reset, &mut stream(11, k)), Vec::new());
@@ -185,7 +186,7 @@ fn a_pure_model_sees_no_dynamics() {
                 others.token(&state, &events, &torques, &weaker.gravity, &mut same);
                 features.apply(&state, &change, &mut next);
                 others.apply(&state, &change, &mut then);
-                assert!(token == same && next == then, "{robot}, {base:?}: start {k} shows what it is made of");
+                assert!(token == same && next == then, "{robot}, {form:?}: start {k} shows what it is made of");
             }
         }
     }

@@ -107,7 +107,15 @@ impl SolverArgs {
             }
             SolverName::Neural => {
                 unused(&[substeps, preset, friction], "with --solver neural; --truth says what its model must have learned")?;
-                let folder = self.model.clone().unwrap_or_else(|| shipped::model(self.truth.unwrap_or(system.spec.truth), &system.name));
+                let shipped = || shipped::model(self.truth.unwrap_or(system.spec.truth), &system.name);
+                let folder = self.model.clone().unwrap_or_else(shipped);
+                if self.model.is_none() && !folder.exists() {
+                    anyhow::bail!(
+                        "no model of `{}` comes with the project ({}): train one, and name it with --model",
+                        system.name,
+                        folder.display()
+                    );
+                }
                 Choice::Neural { folder, truth: self.truth.map(Truth::name), device: self.device.unwrap_or_default() }
             }
         })

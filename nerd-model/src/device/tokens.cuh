@@ -1,6 +1,6 @@
 // Before and after the network, as features.rs and frame.rs have it: contacts and the token of a frame; then the state that lies a
 // prediction from the state before. Sizes and tables come from the host: INPUTS of a token, LDX numbers from one to the next, SITUATED,
-// MOVING, TRAPEZOID, SEEN (threshold of a contact point), MEAN and SCALE of a token, SHIFT and STRETCH of a prediction.
+// MOVING, FRAME_TIME, NEAR, TRAPEZOID, SEEN (threshold of a contact point), MEAN and SCALE of a token, SHIFT and STRETCH of a prediction.
 
 constexpr int STATE = NQ + NV;
 
@@ -22,7 +22,7 @@ FN void look(const Work& w, Event* events) {
 }
 
 // How near a gap is, as features.rs has it; and the gap, now or a frame ahead at this speed.
-FN double near(double gap) { return gap / sqrt(gap * gap + NEAR * NEAR); }
+FN double nearness(double gap) { return gap / sqrt(gap * gap + NEAR * NEAR); }
 FN double gap(const Event& e, int p, V3 speed, int ahead) {
     return e.distance - RADIUS[p] + (ahead ? FRAME_TIME * dot(e.normal, speed) : 0);
 }
@@ -80,7 +80,7 @@ BIG void tell(const double* state, const double* tau, const double* scene, float
             put(out, seen ? back(r, speed[p]) : none);
         }
         for (int ahead = 0; ahead < 2; ahead++) {
-            for (int p = 0; p < NP; p++) put(out, events[p].distance < SEEN[p] ? near(gap(events[p], p, speed[p], ahead)) : 1.0);
+            for (int p = 0; p < NP; p++) put(out, events[p].distance < SEEN[p] ? nearness(gap(events[p], p, speed[p], ahead)) : 1.0);
         }
     }
     for (int i = 0; i < NJ; i++) put(out, tau[i]);

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use nerd_core::state::vector;
 use nerd_sim::dataset::{GenerateConfig, Manifest, generate, record};
 use nerd_sim::prelude::*;
 use nerd_sim::range::Range;
@@ -121,4 +122,38 @@ fn data_keep_what_was_drawn() {
     assert_eq!(read, recording);
     let refused = line(manifest.shard(folder, &manifest.shards[0], &plain));
     assert!(refused.contains("system"), "{refused}");
+}
+
+/// A cube on the slope of 10 degrees from rest: `v = g (sin a - mu cos a) t` where that is positive.
+#[test]
+fn each_slides_by_its_own_friction() {
+    let system = varied("cube", VarySpec { friction: between(0.0, 0.3), mass: between(0.5, 2.0), ..Default::default() });
+    let mut batch = vary::batch(&system, "slope", 12, 0).expect("a slope is always there");
+    let (slope, g, mut slid) = (f64::to_radians(10.0), system.gravity().norm(), 0);
+    let half = system.robot.contact_points.iter().map(|p| p.local.x.abs()).fold(0.0, f64::max);
+    let up = -system.gravity() / g;
+    for env in 0..12 {
+        let mut state = system.default_state();
+        // Flat on the slope, a little inside, where its weight is borne.
+        let ground = &batch.scenes[env].colliders[0];
+        let normal = ground.pose.rotation * vector(&ground.shape.as_halfspace().expect("a plane").normal.to_array());
+        let turn = nalgebra::UnitQuaternion::rotation_between(&up, &normal).expect("not upside down");
+        let weight = batch.of(env).robot.mass() * g * slope.cos();
+        let sunk = weight / 4.0 / batch.of(env).spec.material.stiffness;
+        state[..3].copy_from_slice((normal * (half - sunk)).as_slice());
+        state[3..7].copy_from_slice(turn.coords.as_slice());
+        batch.reset(env, &state);
+    }
+    let frames = 30;
+    run(&mut implicit(16), &mut batch, 0.0, frames);
+    for env in 0..12 {
+        let mu = batch.of(env).spec.material.friction;
+        let expected = (g * (slope.sin() - mu * slope.cos()) * frames as f64 * system.frame_time).max(0.0);
+        let s = batch.state(env);
+        let speed = (vector(&s[10..]) + vector(&s[7..]).cross(&vector(s))).norm();
+        println!("mu {mu:.3}: {speed:.4} m/s, textbook {expected:.4}");
+        assert!((speed - expected).abs() < 0.01 * g * slope.sin() * 0.5 + 2e-3, "mu {mu:.3}: {speed} m/s, textbook {expected}");
+        slid += usize::from(expected > 0.0);
+    }
+    assert!((1..12).contains(&slid), "{slid} of 12 should slide: the draw is no test");
 }

@@ -15,8 +15,8 @@ const TRANSITIONS: usize = 1_000_000;
 const FRESH: usize = 100;
 
 impl RunConfig {
-    /// Settings under which a model is trained on: its own network on its own base, and for the rest what the last runs of the
-    /// shipped models have in common. Data come fresh, half of the trajectories start as tasks do and half are passive.
+    /// Settings under which a model is trained on: its own network on its own base, and for the rest settings that suit short
+    /// runs of any of them. Data come fresh, half of the trajectories start as tasks do and half are passive.
     ///
     /// # Errors
     /// If its network or its form is none that a run's few settings name.

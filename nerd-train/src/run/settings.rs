@@ -24,7 +24,7 @@ settings! {
         out: PathBuf = PathBuf::new(), Text;
         /// What predictions are added to: state (the paper) or trapezoid (the state, positions by the mean of the velocities)
         base: Base = Base::State, Words(&["state", "trapezoid"]);
-        /// What is seen of it: own (the paper), or moving: velocities and nearness of contact points, too, and angles without a seam
+        /// What tokens hold: own (the paper), or moving: also velocities and nearness of contact points, and angles without a seam
         view: View = View::Own, Words(&["own", "moving"]);
         /// NeRD, one of the designs it is compared with (paper A.3.3), or chain, for cables: rod by rod, through many frames
         variant: Variant = Variant::Nerd, Words(Variant::WORDS);
@@ -34,7 +34,7 @@ settings! {
         layers: usize = 6, Whole(LAYERS);
         /// Width of an attention head; there are embedding / this many
         head_width: usize = 16, Whole(EMBEDDING);
-        /// Tokens of a window: frames that a token sees, itself included
+        /// Tokens of a window: frames that a token sees, itself included; 1 without --stream: a residual network, no attention
         history: usize = 10, Whole(1..=1024);
         /// Places in the table of positions, of which `history` are used (without --stream)
         block: usize = 32, Whole(1..=8192);

@@ -58,8 +58,10 @@ impl Variant {
         if view == View::Moving && matches!(self, Self::Absolute | Self::EndToEnd | Self::World | Self::Chain) {
             refuse!("--view moving is one more decision than --variant absolute, end-to-end, world or chain: leave it out");
         }
-        if base == Base::Trapezoid && matches!(self, Self::Absolute | Self::EndToEnd | Self::World) {
-            refuse!("--base trapezoid goes with the robot's own velocities: leave --variant absolute, end-to-end and world out");
+        if base == Base::Trapezoid && matches!(self, Self::Absolute | Self::EndToEnd | Self::World | Self::RawOutputs) {
+            refuse!(
+                "--base trapezoid goes with the robot's own velocities: and scales positions by them: leave --variant absolute, end-to-end, world and raw-outputs out"
+            );
         }
         Ok(())
     }

@@ -6,6 +6,8 @@ use super::data::Motions;
 
 /// How states are seen by a network, moved by its outputs and judged, with the way back of each: vector-Jacobian products by hand.
 pub trait Body: Clone + Send + Sync {
+    /// Whether rollouts go on in the next update, so that a network learns from its own states.
+    const CARRIED: bool;
     /// From where a motion is seen.
     type View: Copy + Send + Sync;
     /// As the network moves it.
@@ -63,8 +65,10 @@ pub trait Body: Clone + Send + Sync {
         slope: &mut Self::Slope,
         memory: &mut Self::Memory,
     );
-    /// Whether a rollout is near enough to the truth to teach something of it.
-    fn near(&self, state: &Self::State, truth: &Self::State) -> bool;
+    /// Whether a rollout is near enough to the truth to go on from where an update ended; asked of those that are [`Self::CARRIED`].
+    fn near(&self, _state: &Self::State, _truth: &Self::State) -> bool {
+        false
+    }
     /// What a network misses of the change over single frames, as a share of it; of so many frames, at even distances.
     fn missed(&self, motions: &Motions, network: &Loaded, frames: usize) -> f64;
 }

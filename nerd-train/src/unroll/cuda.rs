@@ -21,12 +21,11 @@ use crate::learner::cuda::{Network, Optimiser, Plan, Precision, joined};
 use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Progress};
 use crate::ranks::Ranks;
 
-const KERNELS: [&str; 10] = [
+const KERNELS: [&str; 9] = [
     "unroll_truths",
     "unroll_begin",
     "unroll_look",
     "unroll_advance",
-    "unroll_end",
     "unroll_behind",
     "unroll_said",
     "unroll_back",
@@ -86,7 +85,8 @@ impl<B: OnCard> CudaUnrollLearner<B> {
         let mut network = Network::new(plan, rows.len(), precision, true)?;
         let colliders = train.scenes.iter().map(|scene| scene.colliders.len()).max().unwrap_or(0);
         let text = body.program(system, rows.len(), colliders).map_err(LearnError::Mismatch)?;
-        network.device.add(&(text + include_str!("sums.cuh")), &KERNELS)?;
+        let last = B::CARRIED.then_some("unroll_end");
+        network.device.add(&(text + include_str!("sums.cuh")), &KERNELS.into_iter().chain(last).collect::<Vec<_>>())?;
         let (d, n, widths) = (&network.device, rows.len(), body.widths());
         let optimiser = Optimiser::new(d, config, &state, BETA[1], joined(ranks, d)?)?;
         Ok(Self {
@@ -116,7 +116,7 @@ impl<B: OnCard> CudaUnrollLearner<B> {
         let (frames, through) = (self.course.frames, self.course.train.frames);
         let draws = self.course.draws(self.config.seed, self.step, self.rows.clone());
         // Single frames are learned from the truth alone.
-        let nears = if frames > 1 { self.network.device.download(&self.nears)? } else { vec![0; self.ended.len()] };
+        let nears = if B::CARRIED && frames > 1 { self.network.device.download(&self.nears)? } else { vec![0; self.ended.len()] };
         let mut rows = Vec::with_capacity(self.ended.len() * ROLLOUT);
         for ((ended, draw), near) in self.ended.iter_mut().zip(draws).zip(nears) {
             let kept = ended.filter(|place| near != 0 && !draw.anew && place.frame + frames <= through);
@@ -156,7 +156,9 @@ impl<B: OnCard> CudaUnrollLearner<B> {
             net.predict(w, n)?;
             self.along("unroll_advance", &[states, Int(k), outputs])?;
         }
-        self.along("unroll_end", &[states, Int(frames), Ptr(self.nears.ptr)])?;
+        if B::CARRIED {
+            self.along("unroll_end", &[states, Int(frames), Ptr(self.nears.ptr)])?;
+        }
         for k in (0..frames).rev() {
             let later = frames - 1 - k;
             let rest = [Double(weight), upstream, Ptr(self.losses.ptr), tokens, kept];

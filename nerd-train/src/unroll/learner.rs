@@ -91,7 +91,8 @@ impl<B: Body> Learner for UnrollLearner<B> {
         let loss = self.ranks.sum_with(&mut gradient, loss as f32)?;
         self.optimiser.update(lr, loss, &gradient)?;
         // Single frames are learned from the truth alone.
-        self.rollouts = rollouts.into_par_iter().map(|r| (self.course.frames > 1 && self.near(&r)).then_some(r)).collect();
+        let carried = B::CARRIED && self.course.frames > 1;
+        self.rollouts = rollouts.into_par_iter().map(|r| (carried && self.near(&r)).then_some(r)).collect();
         Ok(())
     }
 

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use nerd_model::transformer::Weights;
 use nerd_train::checkpoint;
+use nerd_train::error::Error;
 use nerd_train::learner::{Learner, LearnerState};
 use nerd_train::schedule::Schedule;
 use nerd_train::trainer::{Outcome, Trainer, TrainerConfig};
@@ -79,4 +80,20 @@ fn the_hooks_value_chooses_the_best_weights() {
     assert_eq!(outcome.best, Some((12, 0.0)));
     let bytes = std::fs::read(folder.path().join("best.safetensors")).unwrap();
     assert!(Some(Weights::from_bytes(NETWORK, &bytes).unwrap().flat) == at_twelve, "other weights than those of step 12");
+}
+
+#[test]
+fn killed_between_checkpoints() {
+    let (whole, killed) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let (_, end) = train(whole.path(), fresh(), None);
+    // The hook fails at step 18: the last checkpoint is that of step 14, the record goes on to 18.
+    let trainer = Trainer::new(CONFIG, LEARNER.batch, killed.path(), "{\"name\":\"test\"}");
+    let mut hook = |_: &mut dyn Learner, step: u64| if step == 18 { Err(Error::Refused("power cut at 18".into())) } else { Ok(None) };
+    let error = trainer.run(&mut learner(fresh()), None, &mut hook).unwrap_err();
+    assert!(error.to_string().contains("power cut at 18"), "{error}");
+    let state = load(killed.path());
+    assert_eq!(state.step, 14);
+    let (_, resumed) = train(killed.path(), state, None);
+    assert!(resumed == end, "the states differ");
+    assert_eq!(record(killed.path()), record(whole.path()));
 }

@@ -33,6 +33,7 @@ pub struct Cable {
 }
 
 impl Body for Cable {
+    const CARRIED: bool = true;
     type View = View;
     type State = Rods;
     type Slope = Rods;

@@ -1,4 +1,4 @@
-//! Robots that a network sees by one token, added to the state: a token is a frame, and contacts are found anew in each predicted one.
+//! Robots that a network sees by one token, and whose predictions are added to the state: a token is a frame, and contacts are found anew in each predicted one.
 
 mod difference;
 pub mod kernels;
@@ -97,6 +97,8 @@ pub struct Scratch {
 }
 
 impl Body for Robot {
+    /// What a free body is off grows by itself, and rollouts that begin there undo what single frames taught.
+    const CARRIED: bool = false;
     type View = ();
     type State = Vec<f64>;
     type Slope = Vec<f64>;
@@ -187,11 +189,6 @@ impl Body for Robot {
         let by: Vec<f64> = by_tokens.iter().zip(self.normalizer.inputs.scale()).map(|(g, scale)| f64::from(*g) / scale).collect();
         let seen = Seen { state: before, contacts, gravity: *gravity, view: self.form.view, frame_time: self.system.frame_time };
         token_back(&self.system.robot, &seen, &by, &mut scratch.data, slope);
-    }
-
-    /// Never: what a free body is off grows by itself, and a rollout that starts so teaches no network anything.
-    fn near(&self, _: &Vec<f64>, _: &Vec<f64>) -> bool {
-        false
     }
 
     fn missed(&self, motions: &Motions, network: &Loaded, frames: usize) -> f64 {

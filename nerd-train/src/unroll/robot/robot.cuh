@@ -151,7 +151,7 @@ FN void quickened(const Tree& t, int link, V3 x, V3 along, double* slope) {
     }
 }
 
-FN double nearer(double gap) {
+FN double nearness_slope(double gap) {
     const double square = gap * gap + NEAR * NEAR;
     return NEAR * NEAR / (square * sqrt(square));
 }
@@ -198,8 +198,8 @@ BIG void tell_back(const double* state, const double* scene, const float* by, do
         if (MOVING) {
             const int nears = STATE + 10 * NP + p;
             const V3 by_speed = three(by, STATE + 7 * NP + 3 * p), speed = at(t.velocity[link], place);
-            const double now = by[nears] / SCALE[nears] * nearer(gap(e, p, speed, 0));
-            const double later = by[nears + NP] / SCALE[nears + NP] * nearer(gap(e, p, speed, 1)), by_closing = later * FRAME_TIME;
+            const double now = by[nears] / SCALE[nears] * nearness_slope(gap(e, p, speed, 0));
+            const double later = by[nears + NP] / SCALE[nears + NP] * nearness_slope(gap(e, p, speed, 1)), by_closing = later * FRAME_TIME;
             by_depth += now + later;
             const V3 along = r * by_speed + e.normal * by_closing;
             impulse[link] = impulse[link] + wrench(cross(place, along), along);

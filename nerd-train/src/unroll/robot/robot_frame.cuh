@@ -91,11 +91,6 @@ KERNEL unroll_back(WORLD, const double* states, int k, const float* said, const 
     frame_back(r, m, states + ((long long)k * ROLLOUTS + env) * STATE, said + env * STATE, by_tokens + env * INPUTS, behind, slope);
     for (int i = 0; i < 2 * NV; i++) behind[i] = slope[i];
 }
-
-KERNEL unroll_end(WORLD, const double* states, int through, int* nears) {
-    EACH
-    nears[env] = 0;
-}
 #else
 // From standard input n rollouts, motions and their frames, and which frame it is; rollouts, recorded states, torques, scenes; outputs,
 // and gradients by tokens and by later states. To standard output states after, tokens, by rollout the loss;
