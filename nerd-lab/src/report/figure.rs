@@ -111,7 +111,7 @@ impl Axis {
 
     /// Logarithmic: values that are not above 0 are left out.
     pub fn log(label: impl Into<String>) -> Self {
-        Self { label: label.into(), log: true, ..Self::default() }
+        Self { label: label.into(), log: true }
     }
 
     pub(super) fn shows(&self, value: f64) -> bool {

@@ -167,7 +167,7 @@ fn kernels_roll_cables_out_and_back_as_the_cpu_does() {
     let (normalizer, velocity) = scales(&chain, &motions);
     let scale = ChainSolver::scale(&normalizer).expect("a chain's");
     let body = Cable { chain, scale, loss: Loss::new(&scale, velocity, 16) };
-    let start = |k: usize| Place { motion: k % 6, frame: 2 * k, view: View::new(0.4 * k as f64, k % 2 == 0) };
+    let start = |k: usize| Place { motion: k % 6, frame: 2 * k, view: View::new(0.4 * k as f64, k.is_multiple_of(2)) };
     let starts: Vec<_> = (0..ROLLOUTS).map(start).collect();
     let shape = (body.chain.rods, INPUTS, OUTPUTS);
     let (worst, tokens) = apart_on_cpu(&compiler, (&body, &system, &motions), &starts, shape, true);
