@@ -7,6 +7,7 @@ use nerd_lab::experiments::stability::{accurate, converged, paper};
 use nerd_sim::prelude::*;
 use nerd_sim::suite::{Method, Suite, Verdict};
 use rayon::prelude::*;
+use strum::{EnumIter, IntoEnumIterator};
 
 /// At a runner's speed the reference's preset gives energy for nothing and does not keep momentum. What models are learned from
 /// gives no energy and keeps momentum.
@@ -22,7 +23,7 @@ fn only_the_reference_preset_pays_a_runner() {
 }
 
 /// What is broken on purpose.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, EnumIter)]
 enum Fault {
     /// Gravity at half its strength.
     HalfGravity,
@@ -104,19 +105,6 @@ const REDDENED: [(&str, &[Fault]); 54] = [
     ("no number", &[SwallowedErrors]),
     ("runner's energy", &[HalfGravity, NoFloor, DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity, StrongMotors]),
     ("runner's momentum", &[HalfGravity, DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity]),
-];
-
-const ALL: [Fault; 10] = [
-    HalfGravity,
-    NoFloor,
-    DroppedVelocity,
-    BodyAngularVelocity,
-    FrozenWorld,
-    PumpedVelocity,
-    HiddenClock,
-    SinglePrecision,
-    SwallowedErrors,
-    StrongMotors,
 ];
 
 impl Fault {
@@ -213,7 +201,7 @@ fn into_body_axes(state: &mut [f64], nq: usize) {
 #[test]
 fn every_row_can_go_red() {
     let (method, suite) = (converged(), Suite::new());
-    let asked = suite.rows().iter().filter(|row| row.must_pass()).flat_map(|row| ALL.map(|fault| (*row, fault)));
+    let asked = suite.rows().iter().filter(|row| row.must_pass()).flat_map(|row| Fault::iter().map(|fault| (*row, fault)));
     let wrong: Vec<String> = asked
         .collect::<Vec<_>>()
         .par_iter()

@@ -3,7 +3,7 @@
 //! A token of a robot that can touch something or move its base:
 //! `[state in its own frame, normals (3 C), scene points (3 C), depths (C), torques, gravity direction (3)]`, contact
 //! quantities masked to zero beyond `xi`; for any other robot: `[state, torques]`. A scene pays only for what it has.
-//! With [`View::Moving`] it also holds the velocity of each contact point (3 C, m/s) masked likewise, and
+//! With [`View::Moving`] it also holds the velocity of each contact point (3 C, m/s), masked likewise, and
 //! how near it is now and a frame ahead (2 C), 1 beyond `xi`; of angles that wrap sine and, at the end, cosine.
 //! The target is the change over the frame, seen from the frame of the token: additive for positions, joints and velocities (angles
 //! wrapped), a quaternion from the left for the orientation of a floating root. [`Base`] says from where it counts.
@@ -152,7 +152,10 @@ impl Features {
     fn move_points(&mut self, state: &[f64], contacts: &[ContactEvent]) {
         let (robot, data) = (&self.system.robot, &mut self.data);
         let (q, qd) = robot.split(state);
-        kinematics(robot, q, data);
+        // The frame of a planted root has asked for the rest already.
+        if robot.floating() {
+            kinematics(robot, q, data);
+        }
         velocities(robot, &qd.to_local(robot, q).0, data);
         let speed = |(event, point): (&ContactEvent, &ContactPoint)| data.velocity[point.link].at(&(event.p0 - data.origin));
         self.velocities.clear();

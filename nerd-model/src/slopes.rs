@@ -53,15 +53,15 @@ pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f64], data: &mut Data,
     let by_angles = take(joints);
     slope[nv..].iter_mut().zip(take(nv)).for_each(|(s, g)| *s += *g);
     let cosines = if moving { robot.joints().filter(|joint| joint.wraps()).count() } else { 0 };
-    let mut by_cosines = by_token[by_token.len() - cosines..].iter();
+    let mut cosine = by_token.len() - cosines;
     for (i, (joint, by)) in robot.joints().zip(by_angles).enumerate() {
-        let turn = if moving && joint.wraps() {
+        if moving && joint.wraps() {
             let (sin, cos) = state[robot.root_coords() + i].sin_cos();
-            *by * cos - *by_cosines.next().expect("as many as wrap") * sin
+            slope[dofs + i] += by * cos - by_token[cosine] * sin;
+            cosine += 1;
         } else {
-            *by
-        };
-        slope[dofs + i] += turn;
+            slope[dofs + i] += by;
+        }
     }
     if !Features::situated(robot) {
         return;
