@@ -42,13 +42,15 @@ pub struct Supply {
     /// Of this rank's shards thread t makes every T-th.
     threads: Vec<Receiver<Result<Windows, DatasetError>>>,
     slots: u64,
+    /// Of this rank's shards, the next that is taken up.
     next: u64,
-    ranks: Arc<Ranks>,
+    /// This rank, and how many there are.
+    ranks: (u64, u64),
 }
 
 impl Supply {
     /// Starts recording on as many threads as rayon has; they stop when the supply is dropped. Each rank records its share, shard k on
-    /// rank k mod R, and all are given to all.
+    /// rank k mod R, and keeps it to itself: what it draws from then on is not what others have, so more ranks see more data.
     ///
     /// # Errors
     /// If the data cannot be made, or are less than a shard; or a thread cannot be started.
@@ -63,13 +65,12 @@ impl Supply {
         if trajectories < shard {
             return Err(DatasetError::Config(format!("{trajectories} trajectories are less than a shard of {shard}")).into());
         }
-        let (config, solver, slots) = (Arc::new(config), Arc::new(solver), (trajectories / shard) as u64);
-        let mut supply = Self { threads: Vec::new(), slots, next: 0, ranks: ranks.clone(), config };
-        // Of what is past only the last of each slot is left.
-        supply.next = supply.wanted(supply.config.step).saturating_sub(slots);
         let (rank, world, threads) = (ranks.rank() as u64, ranks.world() as u64, rayon::current_num_threads() as u64);
-        // This rank's j-th shard is shard rank + j R; the thread that makes it is j mod T.
-        let first = supply.next.saturating_sub(rank).div_ceil(world);
+        let (config, solver, slots) = (Arc::new(config), Arc::new(solver), (trajectories / shard) as u64);
+        let mut supply = Self { threads: Vec::new(), slots, next: 0, ranks: (rank, world), config };
+        // Of what is past only the last of each slot is left.
+        let first = supply.wanted(supply.config.step).saturating_sub(slots);
+        supply.next = first;
         for thread in 0..threads {
             let (sender, receiver) = sync_channel(1);
             let (system, solver, config) = (system.clone(), solver.clone(), supply.config.clone());
@@ -98,31 +99,19 @@ impl Supply {
         if self.next >= self.wanted(step) {
             return None;
         }
-        let k = self.next;
+        let j = self.next;
         self.next += 1;
-        let place = (k % self.slots) as usize * self.config.data.shard_trajectories;
-        Some(self.given(k).map(|windows| (place, windows)))
-    }
-
-    /// Shard k, recorded by any thread.
-    fn given(&self, k: u64) -> Result<Windows> {
-        let world = self.ranks.world() as u64;
-        let (maker, j) = ((k % world) as usize, k / world);
-        if maker != self.ranks.rank() {
-            return Ok(Windows::from_bytes(&self.ranks.share(maker, Vec::new)?)?);
-        }
+        let place = (j % self.slots) as usize * self.config.data.shard_trajectories;
         let made = self.threads[(j % self.threads.len() as u64) as usize].recv();
-        let mine = made.map_err(|_| Error::Refused("fresh data: a recording thread panicked".into()))??;
-        if world > 1 {
-            self.ranks.share(maker, || mine.to_bytes())?;
-        }
-        Ok(mine)
+        let made = made.unwrap_or_else(|_| Err(DatasetError::Config("a thread that records fresh data panicked".into())));
+        Some(made.map(|windows| (place, windows)).map_err(Error::from))
     }
 
-    /// Shards taken up by the time of update `step`.
+    /// Of this rank's shards, those taken up by the time of update `step`.
     fn wanted(&self, step: u64) -> u64 {
-        let SupplyConfig { shards, updates, .. } = *self.config;
-        (u128::from(shards) * u128::from(step) / u128::from(updates.max(1))) as u64
+        let (SupplyConfig { shards, updates, .. }, (rank, world)) = (&*self.config, self.ranks);
+        let mine = (shards + world - 1 - rank) / world;
+        (u128::from(mine) * u128::from(step) / u128::from((*updates).max(1))) as u64
     }
 }
 

@@ -90,6 +90,9 @@ enum Line {
 /// Validations beyond the least loss, and how far above it the loss has to be, before a rise is more than noise.
 const RISE: (usize, f32) = (3, 1.02);
 
+/// Updates between questions whether the time is over.
+const ASKED: u64 = 32;
+
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outcome {
@@ -144,7 +147,7 @@ impl Trainer {
         while step < c.updates && !over {
             let lr = self.update(learner, &mut fresh, step)?;
             step += 1;
-            over = self.over(started)?;
+            over = self.over(started, step)?;
             if over || due(step, c.log_every, c.updates) {
                 let progress = learner.progress()?;
                 if let Some(lead) = &mut lead {
@@ -212,9 +215,10 @@ impl Trainer {
         Ok(lr)
     }
 
-    /// Whether the time is over, by the clock of rank 0.
-    fn over(&self, started: Instant) -> Result<bool, RankError> {
-        self.stop_at.map_or(Ok(false), |wall| self.ranks.decide(started.elapsed() >= wall))
+    /// Whether the time is over, by the clock of rank 0; among ranks it is asked seldom, since all wait for the answer.
+    fn over(&self, started: Instant, step: u64) -> Result<bool, RankError> {
+        let asked = self.ranks.world() == 1 || step.is_multiple_of(ASKED);
+        self.stop_at.filter(|_| asked).map_or(Ok(false), |wall| self.ranks.decide(started.elapsed() >= wall))
     }
 
     /// Refuses to continue if ranks have different weights, which would go unnoticed.

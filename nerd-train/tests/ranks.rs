@@ -54,16 +54,20 @@ fn data_are_shared_out_and_the_same() {
         }
         all
     };
-    let expected = [0, 13].map(|step| supply(&Arc::default(), step));
-    assert!(expected.iter().all(|shards| shards.len() > 4), "little is taken up");
+    let all = supply(&Arc::default(), 0);
+    assert_eq!(all.len(), 11, "shards of one rank by the last update");
     for world in [2, 3] {
         let parts = among(world, |ranks| {
             let own = generate(ranks, &system, &solver, &data, (2, Form::default()), &|_| ()).expect("recorded");
             (own.windows.x, own.windows.y, own.sha256, [0, 13].map(|step| supply(ranks, step)))
         });
-        for (x, y, sha256, fresh) in parts {
+        for (rank, (x, y, sha256, [fresh, later])) in parts.into_iter().enumerate() {
             assert!((&x, &y, &sha256) == (&whole.windows.x, &whole.windows.y, &whole.sha256), "{world} ranks recorded something else");
-            assert!(fresh == expected, "{world} ranks took up something else");
+            // Every R-th shard, from a rank's own number on, in the order of its own places.
+            let own = all.iter().skip(rank).step_by(world).zip((0..5).cycle()).map(|((_, x, y), slot)| (4 * slot, x.clone(), y.clone()));
+            let own: Vec<_> = own.take(fresh.len()).collect();
+            assert!(fresh.len() >= 11 / world && fresh == own, "rank {rank} of {world} took up something else");
+            assert!(!later.is_empty() && fresh.ends_with(&later), "rank {rank} of {world} goes on with something else");
         }
     }
 }
