@@ -31,7 +31,9 @@ impl RunConfig {
             refuse!("the model is a chain or one of NeRD's rivals; say with --recipe how it is trained on");
         }
         (run.embedding, run.layers, run.history) = (network.embedding, network.layers, network.history);
-        (run.head_width, run.block) = (network.embedding / network.heads, network.block);
+        if network.architecture == Architecture::Transformer {
+            (run.head_width, run.block) = (network.embedding / network.heads, network.block);
+        }
         run.stream = network.positions == Positions::Rotary;
         run.transitions = TRANSITIONS;
         // No more than the run looks at.

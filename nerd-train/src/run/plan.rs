@@ -101,6 +101,7 @@ impl RunConfig {
     pub fn check(&self) -> Result<()> {
         let (chain, recorded) = (self.variant == Variant::Chain, self.data.is_none());
         let rolled = !chain && self.unrolled().is_some();
+        let (residual, usual) = (self.variant.usual() && self.history == 1 && !self.stream, Self::default());
         let wrong = [
             (self.robot.is_empty(), "--robot is needed: see `cargo xtask train --help`"),
             (self.out.as_os_str().is_empty(), "--out is needed: see `cargo xtask train --help`"),
@@ -127,6 +128,8 @@ impl RunConfig {
             (rolled && self.fresh > 0, "--fresh means nothing where --sequence rolls out"),
             (self.epsilon.is_some() && self.from.is_some(), "--epsilon: the model that --from starts from has its own; leave one out"),
             (self.f32 && self.device != Device::Cuda, "--f32 means nothing without --device cuda"),
+            (residual && self.head_width != usual.head_width, "--head-width means nothing with --history 1, which has no attention"),
+            (residual && self.block != usual.block, "--block means nothing with --history 1, which has no places"),
         ];
         match wrong.iter().find(|(wrong, _)| *wrong) {
             Some((_, why)) => refuse!("{why}"),

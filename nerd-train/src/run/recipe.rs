@@ -92,6 +92,11 @@ impl Recipe {
         }
         let mut runs: Vec<RunConfig> = Vec::new();
         for (k, own) in own.iter().enumerate() {
+            // The folder is the recipe's; a later run goes on from the one before, with its normaliser.
+            let theirs = if k == 0 { &["out"][..] } else { &["out", "from", "epsilon"] };
+            if let Some(key) = theirs.iter().find(|key| own.contains_key(**key)) {
+                return Err(wrong(format!("run {}: `{key}` does not belong in its [[run]]: leave it out", k + 1)));
+            }
             let own = first.with(own).map_err(|e| wrong(format!("run {}: {e}", k + 1)))?;
             let next = link(own, given)?;
             // Without a folder there is none below it.

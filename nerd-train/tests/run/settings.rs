@@ -91,6 +91,8 @@ fn what_a_file_should_not_say_is_refused_with_its_name_and_the_key() {
         ("resets = 1.5", "resets"),
         ("robot = \"\"", "robot"),
         ("[[run]]\nbatch = 0", "run 1: `batch`"),
+        ("[[run]]\n[[run]]\nfrom = \"models/cube\"", "run 2: `from`"),
+        ("[[run]]\nout = \"a\"", "run 1: `out`"),
         ("run = 3", "[[run]]"),
         ("run = []", "`run`"),
         ("updates = 1 2", "my.toml"),
