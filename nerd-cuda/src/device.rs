@@ -16,6 +16,9 @@ use crate::precision::Precision;
 /// Bytes cuBLAS may use per stream; fixed, so that it always chooses the same algorithms.
 const WORKSPACE: usize = 32 << 20;
 
+/// Shared bytes that a kernel has without asking.
+const UNASKED: usize = 48 << 10;
+
 /// Which of the two streams.
 #[derive(Clone, Copy)]
 pub enum Lane {
@@ -107,6 +110,12 @@ impl Device {
     /// Its compute capability, major and minor.
     pub fn capability(&self) -> Result<(i32, i32), DeviceError> {
         self.context.compute_capability().map_err(failed("compute capability"))
+    }
+
+    /// Bytes that the threads of a block can share.
+    pub fn shared(&self) -> Result<usize, DeviceError> {
+        let most = sys::CUdevice_attribute::CU_DEVICE_ATTRIBUTE_MAX_SHARED_MEMORY_PER_BLOCK_OPTIN;
+        Ok(self.context.attribute(most).map_err(failed("shared memory"))? as usize)
     }
 
     /// The same device, with cuBLAS.
@@ -233,6 +242,10 @@ impl Device {
         let mut pointers: Vec<_> = slots.iter_mut().map(|s| (s as *mut u64).cast()).collect();
         let (grid, block) = ((grid.0 as u32, grid.1 as u32, 1), (block.0 as u32, block.1 as u32, 1));
         self.bind()?;
+        if shared > UNASKED {
+            let most = sys::CUfunction_attribute::CU_FUNC_ATTRIBUTE_MAX_DYNAMIC_SHARED_SIZE_BYTES;
+            function.set_attribute(most, shared as i32).map_err(failed("shared memory"))?;
+        }
         unsafe {
             driver::result::launch_kernel(function.cu_function(), grid, block, shared as u32, self.stream(lane).cu_stream(), &mut pointers)
         }

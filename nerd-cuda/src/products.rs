@@ -115,7 +115,7 @@ impl Device {
 
     fn compute(&self) -> blas::cublasComputeType_t {
         match self.precision {
-            Precision::F32 => blas::cublasComputeType_t::CUBLAS_COMPUTE_32F,
+            Precision::F32 | Precision::F16 => blas::cublasComputeType_t::CUBLAS_COMPUTE_32F,
             Precision::Tf32 => blas::cublasComputeType_t::CUBLAS_COMPUTE_32F_FAST_TF32,
         }
     }

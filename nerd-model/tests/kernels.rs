@@ -168,8 +168,6 @@ fn what_has_no_kernel_is_named() {
     }
 }
 
-const WINDOWS: usize = 3;
-
 fn network(architecture: Architecture, [inputs, outputs, embedding, layers]: [usize; 4], tokens: usize) -> Weights {
     let paper = TransformerConfig::paper(inputs, outputs, embedding);
     let shape = TransformerConfig { layers, heads: 1, block: tokens, history: 1, head: 8, architecture, ..paper };
@@ -182,32 +180,34 @@ fn network(architecture: Architecture, [inputs, outputs, embedding, layers]: [us
 #[test]
 fn a_pass_in_one_kernel_is_that_of_the_engine() {
     let Some(compiler) = cpp::Compiler::find() else { return };
-    let cases =
-        [("chain", network(Architecture::Chain, [30, 18, 48, 8], 40), 40), ("short", network(Architecture::Chain, [30, 18, 12, 3], 7), 7)];
-    let cases = cases.iter().flat_map(|case| [Products::F32, Products::Tf32].map(|products| (case, products)));
-    for ((name, weights, tokens), products) in cases {
-        let (tokens, most) = (*tokens, if products == Products::F32 { 1e-5 } else { 5e-3 });
+    let (chain, residual) = (Architecture::Chain, Architecture::Residual);
+    let chains = [([30, 18, 48, 8], 40), ([30, 18, 12, 3], 7)];
+    let along = chains.iter().flat_map(|(shape, tokens)| {
+        [(Products::F32, 1e-5), (Products::Tf32, 5e-3)]
+            .map(|(products, most)| (network(chain, *shape, *tokens), *tokens, 3, products, most))
+    });
+    // A block passes 64 rows; the second has fewer.
+    let alone = [[30, 18, 64, 3], [65, 64, 128, 2], [110, 29, 192, 2], [340, 29, 256, 2]]
+        .map(|shape| (network(residual, shape, 1), 1, 70, Products::F16, 2e-3));
+    for (weights, tokens, windows, products, most) in along.chain(alone) {
         let (program, c) = (weights.config.program(), weights.config);
         let whole = whole_program(&program, tokens, products).expect("it fits");
-        let inputs: Vec<f32> = (0..WINDOWS * tokens * c.inputs).map(|k| (k as f32 * 0.71).sin()).collect();
-        let mut input: Vec<u8> = [WINDOWS as i32, weights.flat.len() as i32].iter().flat_map(|x| x.to_le_bytes()).collect();
-        input.extend(weights.flat.iter().flat_map(|x| x.to_le_bytes()));
+        let inputs: Vec<f32> = (0..windows * tokens * c.inputs).map(|k| (k as f32 * 0.71).sin()).collect();
+        let packed = whole.packed(&program, &weights.flat);
+        let mut input: Vec<u8> = [windows as i32, packed.len() as i32].iter().flat_map(|x| x.to_le_bytes()).collect();
+        input.extend(packed.iter().flat_map(|x| x.to_le_bytes()));
         for row in inputs.chunks(c.inputs) {
             let full = row.iter().copied().chain(std::iter::repeat(0.0)).take(padded(c.inputs));
             input.extend(full.flat_map(f32::to_le_bytes));
         }
         let found = floats(&compiler.run(&whole.text, input));
-        let (network, rows) = (Loaded::new(program, &weights.flat), Vec::from_iter(0..WINDOWS * tokens));
+        let (network, rows) = (Loaded::new(program, &weights.flat), Vec::from_iter(0..windows * tokens));
         let wanted = network.forward(&inputs, &mut Memory::default(), Pass::Windows(tokens, &rows)).clone();
         let size = wanted.iter().fold(0.0f32, |most, x| most.max(x.abs()));
         let off = found.iter().zip(&wanted).map(|(a, b)| (a - b).abs() / size).max_by(f32::total_cmp).unwrap_or(f32::NAN);
-        println!("{name}, {products:?}: {off:.1e} off, {} threads, {} windows", whole.threads, whole.windows);
-        assert!(
-            found.len() == wanted.len() && off < most,
-            "{name}, {products:?}: {off:e} off, {} of {} numbers",
-            found.len(),
-            wanted.len()
-        );
+        let name = format!("{:?}, E {}, {products:?}", c.architecture, c.embedding);
+        println!("{name}: {off:.1e} off, {} threads, {} windows", whole.threads, whole.windows);
+        assert!(found.len() == wanted.len() && off < most, "{name}: {off:e} off, {} of {} numbers", found.len(), wanted.len());
     }
 }
 
@@ -217,4 +217,6 @@ fn what_has_no_such_form_has_none() {
     assert!(whole_program(&of(Architecture::Transformer, 10), 10, Products::F32).is_none(), "attention");
     assert!(whole_program(&of(Architecture::Gru, 10), 10, Products::F32).is_none(), "cells");
     assert!(whole_program(&of(Architecture::Chain, 400), 400, Products::F32).is_none(), "too long for a block's memory");
+    assert!(whole_program(&of(Architecture::Residual, 1), 1, Products::F16).is_none(), "48 columns, not a multiple of 64");
+    assert!(whole_program(&of(Architecture::Mlp, 1), 1, Products::F16).is_none(), "a perceptron");
 }

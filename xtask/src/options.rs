@@ -15,6 +15,8 @@ pub use nerd_train::settings::Values::{Number, Positive, Whole};
 
 /// Words for a device.
 pub const DEVICES: &[&str] = &["cpu", "cuda"];
+/// And of a model: on the second its products are in f16 where one kernel computes its network, on the third nowhere.
+pub const MODELS: &[&str] = &["cpu", "cuda", "cuda-f32"];
 /// Words for a truth.
 pub const TRUTHS: &[&str] = &["articulated", "paper", "rapier"];
 

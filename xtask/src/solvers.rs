@@ -10,7 +10,7 @@ use nerd_sim::truth::Truth;
 use nerd_train::device::Device;
 use nerd_train::shipped;
 
-use crate::options::{DEVICES, Positive, SUBSTEPS, TRUTHS, Whole, unused, value, word};
+use crate::options::{MODELS, Positive, SUBSTEPS, TRUTHS, Whole, unused, value, word};
 
 /// Which solver, and how it is set.
 #[derive(clap::Args, Clone, Debug, Default)]
@@ -41,7 +41,7 @@ pub struct SolverArgs {
     #[arg(long, value_name = "ERROR", value_parser = value::<f64>(Positive))]
     pub tolerance: Option<f64>,
     /// Where `neural` is computed [default: cpu]
-    #[arg(long, value_parser = word::<Device>(DEVICES))]
+    #[arg(long, value_parser = word::<Device>(MODELS))]
     pub device: Option<Device>,
 }
 

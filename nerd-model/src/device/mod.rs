@@ -4,6 +4,7 @@
 //! They build on the articulated solver's ([`nerd_sim::articulated::device`]), and like those are plain C++ beside CUDA, so that a test
 //! runs them where there is no GPU.
 
+mod residual;
 mod whole;
 
 use std::fmt::Write;
@@ -17,9 +18,20 @@ use crate::base::Base;
 use crate::features::{Features, NEAR};
 use crate::form::{Form, View};
 use crate::normalizer::Normalizer;
+use crate::program::Program;
 
 pub use crate::program::op::padded;
-pub use whole::{Products, Whole, whole_program};
+pub use residual::held_in_f16;
+pub use whole::{Products, Whole};
+
+/// Threads that write an environment's token.
+pub const LANES: usize = 4;
+
+/// The pass of a program over windows of so many tokens `[T][padded inputs]`: of a chain, or in f16 of a residual network
+/// (`program/networks.rs`). None of another form, or where it does not fit.
+pub fn whole_program(program: &Program, tokens: usize, products: Products) -> Option<Whole> {
+    if products == Products::F16 { residual::residual(program).filter(|_| tokens == 1) } else { whole::chain(program, tokens, products) }
+}
 
 /// The settings with which scenes are put in order for a model's kernels; or what of it has no kernel, and where it can be stepped.
 pub fn settings(Form { base, view }: Form) -> Result<ArticulatedConfig, String> {
@@ -47,7 +59,9 @@ pub fn token_functions(form: Form, normalizer: &Normalizer, system: &Arc<System>
     let inputs = Features::inputs(system, form);
     let flag = |on: bool| usize::from(on);
     let situated = flag(Features::situated(robot));
-    for (name, n) in [("INPUTS", inputs), ("LDX", padded(inputs)), ("SITUATED", situated), ("MOVING", flag(form.view == View::Moving))] {
+    for (name, n) in
+        [("INPUTS", inputs), ("LDX", padded(inputs)), ("LANES", LANES), ("SITUATED", situated), ("MOVING", flag(form.view == View::Moving))]
+    {
         let _ = writeln!(text, "#define {name} {n}");
     }
     let time = if form.base == Base::Trapezoid { system.frame_time } else { 0.0 };
@@ -63,6 +77,7 @@ pub fn token_functions(form: Form, normalizer: &Normalizer, system: &Arc<System>
     table("real", "SEEN", robot.contact_points.iter().map(|p| p.threshold()).collect());
     table("real", "MEAN", inputs.mean.clone());
     table("real", "SCALE", inputs.scale().collect());
+    table("real", "RATE", inputs.scale().map(f64::recip).collect());
     table("double", "SHIFT", outputs.mean.clone());
     table("double", "STRETCH", outputs.scale().collect());
     text.push_str(include_str!("tokens.cuh"));

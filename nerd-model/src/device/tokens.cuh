@@ -1,45 +1,43 @@
 // Before and after the network, as features.rs and frame.rs have it: contacts and the token of a frame; then the state that lies a
 // prediction from the state before. Sizes and tables come from the host: INPUTS of a token, LDX numbers from one to the next, SITUATED,
-// MOVING, FRAME_TIME, NEAR, TRAPEZOID, SEEN (threshold of a contact point), MEAN and SCALE of a token, SHIFT and STRETCH of a prediction.
+// MOVING, FRAME_TIME, NEAR, TRAPEZOID, SEEN (threshold of a contact point), MEAN, SCALE and RATE (its inverse) of a token, SHIFT and STRETCH of a prediction.
 
 constexpr int STATE = NQ + NV;
 
 struct Event { V3 p0, normal, p1; real distance; };
 
-// The nearest place of the scene to every contact point; from the root.
-FN void look(const Work& w, Event* events) {
-    for (int p = 0; p < NP; p++) {
-        Event& e = events[p];
-        e.distance = infinite();
-        e.p0 = middle(w.tree, p);
-        for (int c = 0; c < w.surfaces; c++) {
-            V3 normal, nearest;
-            const real d = meets(w.tree, w.surface[c], p, normal, nearest);
-            if (!(d < e.distance)) continue;
-            e.distance = d; e.normal = normal; e.p1 = nearest;
-        }
+// The nearest place of the scene to a contact point; from the root.
+FN Event look(const Work& w, int p) {
+    Event e;
+    e.distance = infinite();
+    e.p0 = middle(w.tree, p);
+    for (int c = 0; c < w.surfaces; c++) {
+        V3 normal, nearest;
+        const real d = meets(w.tree, w.surface[c], p, normal, nearest);
+        if (!(d < e.distance)) continue;
+        e.distance = d; e.normal = normal; e.p1 = nearest;
     }
+    return e;
 }
 
 // How near a gap is, as features.rs has it; and the gap, now or a frame ahead at this speed.
-FN double nearness(double gap) { return gap / sqrt(gap * gap + NEAR * NEAR); }
-FN double gap(const Event& e, int p, V3 speed, int ahead) {
-    return e.distance - RADIUS[p] + (ahead ? FRAME_TIME * dot(e.normal, speed) : 0);
+FN real nearness(real gap) { return gap / sqrt(gap * gap + (real)(NEAR * NEAR)); }
+FN real gap(const Event& e, int p, V3 speed, int ahead) {
+    return e.distance - RADIUS[p] + (ahead ? (real)FRAME_TIME * dot(e.normal, speed) : 0);
 }
 
-// Writes a token, number by number, normalised.
-struct Writer { float* out; int k; };
-FN void put(Writer& w, double x) {
-    w.out[w.k] = (float)(((real)(float)x - MEAN[w.k]) / SCALE[w.k]);
-    w.k++;
-}
-FN void put(Writer& w, V3 v) { put(w, v.x); put(w, v.y); put(w, v.z); }
+// Writes number k of a token, normalised.
+FN void put(float* token, int k, double x) { token[k] = (float)(((real)(float)x - MEAN[k]) * RATE[k]); }
+FN void put(float* token, int k, V3 v) { put(token, k, v.x); put(token, k + 1, v.y); put(token, k + 2, v.z); }
 
-// The token of a frame.
-BIG void tell(const double* state, const double* tau, const double* scene, float* token) {
+// Where a token has contact points' normals, places, distances, speeds and nearness, and what follows.
+constexpr int NORMALS = STATE, PLACES = NORMALS + 3 * NP, DEPTHS = PLACES + 3 * NP, SPEEDS = DEPTHS + NP;
+constexpr int NEARS = SPEEDS + 3 * NP, AFTER = MOVING ? NEARS + 2 * NP : SPEEDS;
+
+// The token of a frame; by `lanes` threads each some contact points, and by the first the rest.
+BIG void tell(const double* state, const double* tau, const double* scene, float* token, int lane = 0, int lanes = 1) {
     Work w;
     Tree& t = w.tree;
-    Event events[NP + 1];
     take(t, state);
     t.shift = v3(0, 0, 0);
     M3 r = {{1, 0, 0, 0, 1, 0, 0, 0, 1}};
@@ -47,50 +45,45 @@ BIG void tell(const double* state, const double* tau, const double* scene, float
     if (SITUATED) {
         kinematics(t);
         survey(w, scene);
-        look(w, events);
         // B, at the floating base or the first moving link.
         r = t.rotation[0];
         o = t.position[0];
     }
-    Writer out = {token, 0};
-    if (DOFS) {
-        for (int k = 0; k < 6; k++) put(out, 0.0);
-        put(out, 1.0);
+    if (MOVING && NP) velocities(t, t.qd);
+    for (int p = lane; p < NP; p += lanes) {
+        const Event e = look(w, p);
+        const V3 none = v3(0, 0, 0);
+        const bool seen = e.distance < SEEN[p];
+        put(token, NORMALS + 3 * p, seen ? back(r, e.normal) : none);
+        put(token, PLACES + 3 * p, seen ? back(r, e.p1 - o) : none);
+        put(token, DEPTHS + p, seen ? e.distance : (real)0);
+        if (!MOVING) continue;
+        const V3 speed = seen ? at(t.velocity[POINT_LINK[p]], facing(t, p, e.normal, true)) : none;
+        put(token, SPEEDS + 3 * p, back(r, speed));
+        for (int ahead = 0; ahead < 2; ahead++) put(token, NEARS + ahead * NP + p, seen ? nearness(gap(e, p, speed, ahead)) : (real)1);
     }
+    if (lane) return;
+    for (int k = 0; DOFS && k < 7; k++) put(token, k, k == 6);
+    const int joints = DOFS ? 7 : 0, speeds = joints + NJ + (DOFS ? 6 : 0);
     for (int i = 0; i < NJ; i++) {
         const double q = state[COORDS + i];
-        put(out, MOVING && WRAPS[i] ? sin(q) : SITUATED && WRAPS[i] ? wrapped(q) : q);
+        put(token, joints + i, MOVING && WRAPS[i] ? sin(q) : SITUATED && WRAPS[i] ? wrapped(q) : q);
+        put(token, speeds + i, state[NQ + DOFS + i]);
+        put(token, AFTER + i, tau[i]);
     }
     if (DOFS) {
-        put(out, back(r, v3(t.qd[0], t.qd[1], t.qd[2])));
-        put(out, back(r, v3(t.qd[3], t.qd[4], t.qd[5])));
+        put(token, joints + NJ, back(r, v3(t.qd[0], t.qd[1], t.qd[2])));
+        put(token, joints + NJ + 3, back(r, v3(t.qd[3], t.qd[4], t.qd[5])));
     }
-    for (int i = 0; i < NJ; i++) put(out, state[NQ + DOFS + i]);
-    const V3 none = v3(0, 0, 0);
-    for (int p = 0; p < NP; p++) put(out, events[p].distance < SEEN[p] ? back(r, events[p].normal) : none);
-    for (int p = 0; p < NP; p++) put(out, events[p].distance < SEEN[p] ? back(r, events[p].p1 - o) : none);
-    for (int p = 0; p < NP; p++) put(out, events[p].distance < SEEN[p] ? events[p].distance : (real)0);
-
-    if (MOVING && NP) {
-        V3 speed[NP + 1];
-        velocities(t, t.qd);
-        for (int p = 0; p < NP; p++) {
-            const bool seen = events[p].distance < SEEN[p];
-            if (seen) speed[p] = at(t.velocity[POINT_LINK[p]], facing(t, p, events[p].normal, true));
-            put(out, seen ? back(r, speed[p]) : none);
-        }
-        for (int ahead = 0; ahead < 2; ahead++) {
-            for (int p = 0; p < NP; p++) put(out, events[p].distance < SEEN[p] ? nearness(gap(events[p], p, speed[p], ahead)) : 1.0);
-        }
-    }
-    for (int i = 0; i < NJ; i++) put(out, tau[i]);
+    int k = AFTER + NJ;
     if (SITUATED) {
         const V3 g = v3((real)scene[0], (real)scene[1], (real)scene[2]);
         const real length = norm(g);
-        put(out, back(r, g * (1 / (length > 0 ? length : 1))));
+        put(token, k, back(r, g * (1 / (length > 0 ? length : 1))));
+        k += 3;
     }
-    for (int i = 0; i < NJ; i++) if (MOVING && WRAPS[i]) put(out, cos(state[COORDS + i]));
-    for (int k = INPUTS; k < LDX; k++) token[k] = 0;
+    for (int i = 0; i < NJ; i++) if (MOVING && WRAPS[i]) put(token, k++, cos(state[COORDS + i]));
+    for (; k < LDX; k++) token[k] = 0;
 }
 
 // Velocity of the root in its own axes.

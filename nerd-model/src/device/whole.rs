@@ -20,6 +20,8 @@ pub enum Products {
     F32,
     /// On tensor cores, operands rounded to TF32: for devices of compute capability 8 and above.
     Tf32,
+    /// On tensor cores, operands rounded to f16, which has as long a mantissa: for the same devices.
+    F16,
 }
 
 /// A program's pass as a kernel.
@@ -30,11 +32,19 @@ pub struct Whole {
     pub threads: usize,
     /// Windows that a block passes.
     pub windows: usize,
+    /// Bytes that it shares.
+    pub shared: usize,
+    /// Arithmetic of the products.
+    pub products: Products,
 }
 
-/// A chain's program (`program/networks.rs`) over windows of so many tokens `[T][padded inputs]`; none of another form, or where it does
-/// not fit.
-pub fn whole_program(program: &Program, tokens: usize, products: Products) -> Option<Whole> {
+/// Sizes as a text has them.
+pub(super) fn defined(sizes: &[(&str, usize)]) -> String {
+    sizes.iter().map(|(name, n)| format!("#define {name} {n}\n")).collect()
+}
+
+/// A chain's program (`program/networks.rs`); none of another form, or where it does not fit.
+pub(super) fn chain(program: &Program, tokens: usize, products: Products) -> Option<Whole> {
     let most = if products == Products::F32 { 1 } else { (MOST_ROWS / tokens).max(1) };
     (1..=most).rev().find_map(|windows| whole(program, tokens, windows, products))
 }
@@ -102,7 +112,7 @@ fn whole(program: &Program, tokens: usize, windows: usize, products: Products) -
         ("OUTPUTS", outputs),
         ("FLOATS", floats),
     ];
-    let mut text: String = sizes.iter().map(|(name, n)| format!("#define {name} {n}\n")).collect();
+    let mut text = defined(&sizes);
     text += include_str!("whole.cuh");
     text += if tensor { include_str!("whole_tf32.cuh") } else { include_str!("whole_f32.cuh") };
     let _ = writeln!(
@@ -111,5 +121,5 @@ fn whole(program: &Program, tokens: usize, windows: usize, products: Products) -
          EACH(k, {zeros}) none[k] = 0;\n    SYNC;\n{pass}}}",
     );
     text += include_str!("whole_main.cuh");
-    (4 * floats <= SHARED).then_some(Whole { text, threads: 32 * warps, windows })
+    (4 * floats <= SHARED).then_some(Whole { text, threads: 32 * warps, windows, shared: 4 * floats, products })
 }

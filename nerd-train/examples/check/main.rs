@@ -20,7 +20,7 @@ use with::{Checks, Outcome};
 type Part = (&'static str, fn(&mut Checks) -> Outcome);
 
 /// In order.
-const PARTS: [Part; 12] = [
+const PARTS: [Part; 13] = [
     ("operations", inference::operations),
     ("windows", inference::windows),
     ("streams", inference::streams),
@@ -31,6 +31,7 @@ const PARTS: [Part; 12] = [
     ("robots", training::robots),
     ("ranks", training::ranks),
     ("solvers", solvers::solvers),
+    ("paces", solvers::paces),
     ("policies", policies::policies),
     ("tasks", policies::tasks),
 ];

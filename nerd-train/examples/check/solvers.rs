@@ -2,16 +2,20 @@
 //! ends in a line.
 
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
+use std::time::Instant;
 
+use nerd_model::folder::Model;
+use nerd_model::neural::Neural;
 use nerd_model::pick::Setting;
+use nerd_model::transformer::{ForwardError, Stream, packed};
 use nerd_sim::articulated::device::{CudaArticulated, Real};
 use nerd_sim::dataset::{GenerateConfig, begin};
 use nerd_sim::prelude::*;
 use nerd_train::device::{Device, resident};
-use nerd_train::learner::cuda::Precision;
+use nerd_train::learner::cuda::{CudaStream, Precision};
 
-use crate::with::{Checks, Outcome, largest};
+use crate::with::{Checks, Outcome, largest, worse};
 
 /// Environments of a robot, in scenes and from starts as data sets have them.
 fn batch(system: &Arc<System>, n: usize) -> Outcome<Batch> {
@@ -30,10 +34,11 @@ pub fn solvers(checks: &mut Checks) -> Outcome {
     let (ant, lead) = (System::named("ant")?, System::named("lead-pegs")?);
     let (full, short) = (Precision::F32, Precision::Tf32);
     // The last: how far from the CPU the median environment may be after thirty frames. Where an edge is met a motion may part; most do not.
-    // TF32 rounds 2^13 times as coarsely.
+    // TF32 and f16 round 2^13 times as coarsely.
     for (setting, precision, system, most) in [
         (Setting::Accurate, full, &ant, 1e-4),
         (Setting::Neural("models/ant".into()), full, &ant, 1e-4),
+        (Setting::Neural("models/ant".into()), Precision::F16, &ant, 0.1),
         (Setting::Neural("models/lead-pegs".into()), full, &lead, 0.05),
         (Setting::Neural("models/lead-pegs".into()), short, &lead, 0.1),
         (Setting::Implicit(4), full, &lead, 1e-2),
@@ -87,12 +92,70 @@ pub fn solvers(checks: &mut Checks) -> Outcome {
     // Hills have no kernels: the network alone is on the device.
     let (mut there, mut here, hills) = (batch(&ant, 100)?, batch(&ant, 100)?, ant.scene("hills")?);
     [&mut there, &mut here].iter_mut().for_each(|batch| batch.scenes.fill(hills.clone()));
-    for (device, batch) in [(Device::Cuda, &mut there), (Device::Cpu, &mut here)] {
+    for (device, batch) in [(Device::CudaF32, &mut there), (Device::Cpu, &mut here)] {
         let mut solver = device.neural(Path::new("models/ant"), &ant, None, 100)?;
         (0..3).try_for_each(|frame| solver.step(batch, &torques(batch, frame)))?;
     }
     let off = largest(&there.states, &here.states);
     checks.demand(off < 1e-4, format!("hills, by the network alone: {off:.1e} from the CPU after 3 frames"));
+    Ok(())
+}
+
+/// A network on the CPU, whose tokens and predictions are noted.
+struct Noted(Box<dyn Stream>, Arc<Mutex<[Vec<f32>; 2]>>);
+
+impl Stream for Noted {
+    fn push(&mut self, tokens: &[f32], out: &mut Vec<f32>) -> Result<(), ForwardError> {
+        self.0.push(tokens, out)?;
+        *self.1.lock().unwrap_or_else(|lost| lost.into_inner()) = [tokens.to_vec(), out.clone()];
+        Ok(())
+    }
+
+    fn clear(&mut self, env: usize) {
+        self.0.clear(env);
+    }
+}
+
+/// The Ant's model: whole frames a second, and how far predictions are from the CPU's, by the arithmetic of its products.
+pub fn paces(checks: &mut Checks) -> Outcome {
+    const FRAMES: usize = 200;
+    let (ant, folder, n) = (System::named("ant")?, Path::new("models/ant"), 8192);
+    let (mut many, model) = (batch(&ant, n)?, Model::load(folder, &ant, None)?);
+    let setting = Setting::Neural(folder.into());
+    // Most have fallen.
+    let idle = vec![0.0; n * ant.robot.joint_count()];
+    resident(&setting, &ant, Real::F32, Precision::F32)?.roll(&mut many, &idle, 25)?;
+    let noted = Arc::new(Mutex::default());
+    Neural::new(model.clone(), Box::new(Noted(packed(&model.weights), noted.clone()))).step(&mut many.clone(), &idle)?;
+    let [tokens, wanted] = noted.lock().unwrap_or_else(|lost| lost.into_inner()).clone();
+    let mut errors = Vec::new();
+    for precision in [Precision::F32, Precision::Tf32, Precision::F16] {
+        let mut found = Vec::new();
+        CudaStream::new(&model.weights, precision, n)?.push(&tokens, &mut found)?;
+        let off = found.iter().zip(&wanted).map(|(a, b)| f64::from((a - b).abs()));
+        let most = worse(0.0, off.clone());
+        errors.push((off.map(|x| x * x).sum::<f64>() / wanted.len() as f64).sqrt());
+        let mut solver = resident(&setting, &ant, Real::F32, precision)?;
+        let mut microseconds = |mut batch: Batch| {
+            // Kernels are compiled, and a frame is captured.
+            let _ = solver.roll(&mut batch, &idle, 2);
+            let began = Instant::now();
+            let _ = solver.roll(&mut batch, &idle, FRAMES);
+            began.elapsed().as_secs_f64() * 1e6 / FRAMES as f64
+        };
+        // Where no environment can be stepped the kernels around the network end at once.
+        let mut none = many.clone();
+        none.states.fill(f64::NAN);
+        let [all, network] = [many.clone(), none].map(&mut microseconds);
+        println!(
+            "   {precision:?}: {:.2} M frames/s of {n} environments, {all:.0} us a frame, {network:.0} of them the network; predictions {:.1e} from \
+             the CPU's in the root mean square, {most:.1e} at most, in units of a change's spread",
+            n as f64 / all,
+            errors.last().copied().unwrap_or(f64::NAN),
+        );
+    }
+    let [full, short, half] = errors[..] else { return Ok(()) };
+    checks.demand(full < 1e-5 && half < short, format!("f32, TF32 and f16 are {full:.1e}, {short:.1e} and {half:.1e} from the CPU"));
     Ok(())
 }
 

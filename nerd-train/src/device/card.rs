@@ -25,10 +25,11 @@ pub fn resident(setting: &Setting, system: &Arc<System>, real: Real, precision: 
 pub(super) fn frames(
     model: Model,
     system: &Arc<System>,
+    precision: Precision,
     alone: impl FnOnce() -> Result<Box<dyn Solver>> + Send + 'static,
 ) -> Result<Box<dyn Solver>> {
     let is_chain = model.config.network.architecture == Architecture::Chain;
-    match cuda::resident(model, system, Real::F32, Precision::F32) {
+    match cuda::resident(model, system, Real::F32, precision) {
         Ok(whole) => {
             let rest = if is_chain { "all is on the CPU" } else { "the network alone is on the card" };
             Ok(Box::new(WithFallback { whole: Box::new(whole), stepped: false, alone: Some(Box::new(alone)), rest, fallback: None }))

@@ -16,6 +16,8 @@ use nerd_sim::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Result, refuse};
+#[cfg(feature = "cuda")]
+use crate::learner::cuda::Precision;
 
 /// Where networks are computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -24,8 +26,10 @@ pub enum Device {
     /// The CPU.
     #[default]
     Cpu,
-    /// An NVIDIA GPU (feature `cuda`).
+    /// An NVIDIA GPU (feature `cuda`); where one kernel computes a network whole, its products are in f16.
     Cuda,
+    /// The same, all in f32.
+    CudaF32,
     /// The CPU through burn (feature `burn`).
     Flex,
     /// Any card that Vulkan, Metal or DirectX drives, through burn (feature `wgpu`).
@@ -40,13 +44,13 @@ impl std::fmt::Display for Device {
 
 impl Device {
     /// Their names, as serde has them.
-    pub const WORDS: &[&str] = &["cpu", "cuda", "flex", "wgpu"];
+    pub const WORDS: &[&str] = &["cpu", "cuda", "cuda-f32", "flex", "wgpu"];
 
     /// Refuses a device that this build or machine does not have.
     pub(crate) fn check(self) -> Result<()> {
         let (there, feature) = match self {
             Self::Cpu => return Ok(()),
-            Self::Cuda => (cfg!(feature = "cuda"), "cuda"),
+            Self::Cuda | Self::CudaF32 => (cfg!(feature = "cuda"), "cuda"),
             Self::Flex => (cfg!(feature = "burn"), "burn"),
             Self::Wgpu => (cfg!(feature = "wgpu"), "wgpu"),
         };
@@ -54,10 +58,21 @@ impl Device {
             refuse!("--device {self} needs a build with `--features {feature}`");
         }
         #[cfg(feature = "burn")]
-        if self != Self::Cuda {
+        if !self.is_cuda() {
             self.burn()?;
         }
         Ok(())
+    }
+
+    /// Whether it is an NVIDIA GPU.
+    pub fn is_cuda(self) -> bool {
+        matches!(self, Self::Cuda | Self::CudaF32)
+    }
+
+    /// Arithmetic of products there.
+    #[cfg(feature = "cuda")]
+    fn precision(self) -> Precision {
+        if self == Self::CudaF32 { Precision::F32 } else { Precision::F16 }
     }
 
     /// That of burn.
@@ -79,11 +94,11 @@ impl Device {
         self.check()?;
         match self {
             Self::Cpu => Ok(nerd_model::transformer::packed(weights)),
-            Self::Cuda if weights.config.architecture == Architecture::Chain => {
-                refuse!("--device cuda computes a chain in whole frames only")
+            Self::Cuda | Self::CudaF32 if weights.config.architecture == Architecture::Chain => {
+                refuse!("--device {self} computes a chain in whole frames only")
             }
             #[cfg(feature = "cuda")]
-            Self::Cuda => Ok(crate::learner::cuda::stream(weights, crate::learner::cuda::Precision::F32, envs)?),
+            Self::Cuda | Self::CudaF32 => Ok(crate::learner::cuda::stream(weights, self.precision(), envs)?),
             #[cfg(feature = "burn")]
             Self::Flex | Self::Wgpu => {
                 use nerd_model::transformer::{BurnForward, Windowed};
@@ -102,9 +117,9 @@ impl Device {
     /// A model as a solver of `system` for so many environments: whole frames are computed on a GPU where they can be, or else the network.
     pub fn solver(self, model: Model, system: &Arc<System>, envs: usize) -> Result<Box<dyn Solver>> {
         #[cfg(feature = "cuda")]
-        if self == Self::Cuda {
+        if self.is_cuda() {
             let (own, of) = (model.clone(), system.clone());
-            return card::frames(model, system, move || self.alone(own, &of, envs));
+            return card::frames(model, system, self.precision(), move || self.alone(own, &of, envs));
         }
         self.alone(model, system, envs)
     }

@@ -89,7 +89,7 @@ impl Arena {
     /// Whether a GPU takes part, on which policies answer and learn, too.
     pub fn on_gpu(&self) -> bool {
         match self {
-            Self::Model { device, .. } => *device == Device::Cuda,
+            Self::Model { device, .. } => device.is_cuda(),
             #[cfg(feature = "cuda")]
             Self::Card(_) => true,
             _ => false,
@@ -149,7 +149,7 @@ impl Arena {
             }
             Self::Judge(setting) => (setting.solver(&system)?, 0),
             #[cfg(feature = "cuda")]
-            Self::Card(setting) => (crate::device::resident(setting, &system, Real::F32, Precision::F32)?, 0),
+            Self::Card(setting) => (crate::device::resident(setting, &system, Real::F32, Precision::F16)?, 0),
             Self::Guest(_, make) => (make(&system, &batch.scenes[0])?, 0),
         };
         let mut episodes = Episodes::part(task, Simulation { batch, solver }, seed, envs.start);

@@ -31,7 +31,7 @@ pub(super) fn engine(plan: &Plan, ranks: &Arc<Ranks>, state: LearnerState, sets:
         (_, Sets::Cable(course)) => unrolled(plan, ranks, state, *course)?,
         (_, Sets::Robot(course)) => unrolled(plan, ranks, state, *course)?,
         #[cfg(feature = "cuda")]
-        (Device::Cuda, Sets::Windows([train, validation])) => {
+        (Device::Cuda | Device::CudaF32, Sets::Windows([train, validation])) => {
             Box::new(CudaLearner::new(ranks, learner, precision(plan), state, [&train, &validation])?)
         }
         #[cfg(not(all(feature = "cuda", feature = "burn")))]

@@ -91,7 +91,8 @@ fn arithmetic(config: &RunConfig) -> Result<String> {
     config.device.check()?;
     Ok(match config.device {
         Device::Cpu => "f32 on the CPU".into(),
-        Device::Cuda => if config.f32 { "f32 on CUDA" } else { "tf32 on CUDA" }.into(),
+        // `check` refuses the second.
+        Device::Cuda | Device::CudaF32 => if config.f32 { "f32 on CUDA" } else { "tf32 on CUDA" }.into(),
         Device::Flex | Device::Wgpu => format!("f32 through burn on {}", config.device),
     })
 }
@@ -127,6 +128,7 @@ impl RunConfig {
             (rolled && self.huber.is_some(), "--huber means nothing where --sequence rolls out"),
             (rolled && self.fresh > 0, "--fresh means nothing where --sequence rolls out"),
             (self.epsilon.is_some() && self.from.is_some(), "--epsilon: the model that --from starts from has its own; leave one out"),
+            (self.device == Device::CudaF32, "--device cuda-f32 is for models that are used; train with --device cuda --f32"),
             (self.f32 && self.device != Device::Cuda, "--f32 means nothing without --device cuda"),
             (residual && self.head_width != usual.head_width, "--head-width means nothing with --history 1, which has no attention"),
             (residual && self.block != usual.block, "--block means nothing with --history 1, which has no places"),

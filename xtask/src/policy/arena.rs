@@ -9,7 +9,7 @@ use nerd_train::device::Device;
 use nerd_train::ppo::Arena;
 use nerd_train::shipped;
 
-use crate::options::{DEVICES, unused, word};
+use crate::options::{MODELS, unused, word};
 use crate::solvers::SolverName;
 
 /// A solver that episodes run on.
@@ -22,7 +22,7 @@ pub struct ArenaArgs {
     #[arg(long)]
     pub model: Option<PathBuf>,
     /// Where `neural` or `articulated` is computed [default: cpu]
-    #[arg(long, value_parser = word::<Device>(DEVICES))]
+    #[arg(long, value_parser = word::<Device>(MODELS))]
     pub device: Option<Device>,
 }
 
@@ -32,10 +32,10 @@ impl ArenaArgs {
         if self.solver != SolverName::Neural {
             unused(&[("--model", self.model.is_some())], "without --solver neural")?;
         }
-        if self.device == Some(Device::Cuda) {
+        if let Some(device) = self.device.filter(|device| device.is_cuda()) {
             match self.solver {
                 SolverName::Articulated => return on_card(),
-                SolverName::Rapier => bail!("--device cuda: rapier is on the CPU; leave it out, or take --solver articulated"),
+                SolverName::Rapier => bail!("--device {device}: rapier is on the CPU; leave it out, or take --solver articulated"),
                 SolverName::Neural => {}
             }
         }

@@ -62,7 +62,7 @@ impl<'a> Course<'a> {
         let truth = states(&mut Articulated::new(ArticulatedConfig::converged(Friction::Coulomb)), self.batch.clone())?;
         let mut paces = Vec::new();
         for setting in settings {
-            let all = [Precision::F32, Precision::Tf32];
+            let all = [Precision::F32, Precision::Tf32, Precision::F16];
             for precision in if matches!(setting, Setting::Neural(_)) { &all[..] } else { &all[..1] } {
                 let (mut cpu, mut card) = (setting.solver(system)?, resident(setting, system, Real::F32, *precision)?);
                 let alone = *precision == Precision::F32;
@@ -83,7 +83,8 @@ impl<'a> Course<'a> {
                 })?;
                 let label = match setting {
                     Setting::Neural(folder) => {
-                        format!("{}{}", folder.file_name().unwrap_or_default().to_string_lossy(), if alone { "" } else { ", TF32" })
+                        let word = [", TF32", ", f16"][usize::from(*precision == Precision::F16)];
+                        format!("{}{}", folder.file_name().unwrap_or_default().to_string_lossy(), if alone { "" } else { word })
                     }
                     other => format!("x{}", other.substeps().unwrap_or(1)),
                 };

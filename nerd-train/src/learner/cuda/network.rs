@@ -6,7 +6,7 @@ use std::cell::RefCell;
 
 use nerd_cuda::Arg::Ptr;
 use nerd_cuda::{Arg, Buffer, Device, DeviceError, Event};
-use nerd_model::device::{Products, Whole, whole_program};
+use nerd_model::device::{Products, Whole, held_in_f16, whole_program};
 use nerd_model::program::{Op, Slot, Step, Weight};
 
 use super::Precision;
@@ -42,7 +42,7 @@ pub(crate) struct Network {
     /// for the gates.
     pub(super) saved: Vec<Vec<Buffer<f32>>>,
     pub(super) partial_sums: Buffer<f32>,
-    /// The kernel that makes a whole pass of a small program.
+    /// The kernel that makes a whole pass, of a program that has one.
     pub(super) whole: Option<Whole>,
     /// Tokens on their way to the device, padded.
     staging: Vec<f32>,
@@ -70,8 +70,15 @@ impl Network {
         let (text, kernels) = source(&plan);
         let mut device = Device::open(nerd_cuda::ordinal(), &text, &kernels)?.with_products(precision)?;
         // Older cards have no tensor cores for TF32.
-        let tensor = precision != Precision::F32 && device.capability()? >= (8, 0);
-        let whole = whole_program(&plan.program, plan.tokens, if tensor { Products::Tf32 } else { Products::F32 });
+        let tensor = device.capability()? >= (8, 0);
+        let (most, of) = (device.shared()?, |products| whole_program(&plan.program, plan.tokens, products));
+        let whole = match precision {
+            // Weights that change would be packed every time.
+            Precision::F16 if tensor && !train => of(Products::F16).filter(|whole| whole.shared <= most),
+            Precision::Tf32 if tensor => of(Products::Tf32),
+            _ => None,
+        };
+        let whole = whole.or_else(|| of(Products::F32));
         if let Some(whole) = &whole {
             device.add(&whole.text, &["whole_pass"])?;
         }
@@ -122,7 +129,12 @@ impl Network {
         if flat.len() != parameters {
             return Err(LearnError::Mismatch(format!("{} weights for a network of {parameters}", flat.len())));
         }
-        let network = Self::new(plan, rows, precision, train)?;
+        let exact = precision != Precision::F16 || held_in_f16(&plan.program, flat);
+        let network = Self::new(plan, rows, if exact { precision } else { Precision::F32 }, train)?;
+        if let Some(whole) = &network.whole {
+            let weights = network.device.upload(&whole.packed(&network.plan.program, flat))?;
+            return Ok((network, weights));
+        }
         let weights = network.device.upload(flat)?;
         network.fold(weights.ptr)?;
         Ok((network, weights))

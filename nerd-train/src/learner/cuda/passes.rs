@@ -45,11 +45,11 @@ impl Network {
         self.run(w, 0..parts, &at, rows * self.plan.tokens, &|_, qkv, out| self.attention(rows, qkv, out))
     }
 
-    /// Predictions for all tokens of windows. The one kernel of a small program keeps no other slot; its products are in f32 or TF32.
+    /// Predictions for all tokens of windows. The one kernel of a program that has one keeps no other slot.
     pub fn predict(&self, w: u64, rows: usize) -> Result<(), DeviceError> {
         if let Some(whole) = &self.whole {
             let args = [Ptr(w), Ptr(self.at(Slot(0))), Ptr(self.predictions().ptr), Int(rows)];
-            return self.device.launch("whole_pass", (rows.div_ceil(whole.windows), 1), (whole.threads, 1), 0, &args);
+            return self.device.launch("whole_pass", (rows.div_ceil(whole.windows), 1), (whole.threads, 1), whole.shared, &args);
         }
         let (all, n) = (self.plan.parts.len(), rows * self.plan.tokens);
         self.run(w, 0..all, &self.addresses(), n, &|_, qkv, out| self.attention(rows, qkv, out))
@@ -57,6 +57,9 @@ impl Network {
 
     /// Predictions for one token of each window, whose number in its window is at `tokens`.
     pub fn predict_one(&self, w: u64, rows: usize, tokens: u64) -> Result<(), DeviceError> {
+        if self.whole.is_some() && self.plan.tokens == 1 {
+            return self.predict(w, rows);
+        }
         let (mut at, first, all) = (self.addresses(), self.plan.independent_from(), self.plan.parts.len());
         let attend = |_, qkv, out| self.attention(rows, qkv, out);
         self.run(w, 0..first, &at, rows * self.plan.tokens, &attend)?;

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use nerd_cuda::Arg::{Int, Ptr};
 use nerd_cuda::{Arg, Buffer, Device, DeviceError, Replay};
 use nerd_model::chain::{Chain, ChainSolver, OUTPUTS, chain_program, numbers};
-use nerd_model::device::{program, settings};
+use nerd_model::device::{LANES, program, settings};
 use nerd_model::folder::Model;
 use nerd_model::program::Slot;
 use nerd_model::transformer::Architecture;
@@ -177,21 +177,23 @@ impl Made {
     /// What of a frame the device does.
     fn frame(&self, held: &Held) -> Result<(), DeviceError> {
         let Held { states, torques, records, scene_of, faults, done, n, .. } = held;
-        let grid = |kernel, args: &[Arg]| self.engine.network().device.launch(kernel, (n.div_ceil(BLOCK), 1), (BLOCK, 1), 0, args);
+        let grid = |kernel, threads: usize, args: &[Arg]| {
+            self.engine.network().device.launch(kernel, (threads.div_ceil(BLOCK), 1), (BLOCK, 1), 0, args)
+        };
         let world = [states.ptr, torques.ptr, records.ptr, scene_of.ptr].map(Ptr);
         let end = [Ptr(faults.ptr), Ptr(done.ptr), Int(*n)];
-        let look = |kernel, out: &[Arg]| grid(kernel, &[&world[..], out, &end, &[Ptr(self.hold.ptr)]].concat());
-        let follow = |kernel, by: &[Arg]| grid(kernel, &[&[Ptr(states.ptr)], by, &end].concat());
+        let look = |kernel, lanes, out: &[Arg]| grid(kernel, n * lanes, &[&world[..], out, &end, &[Ptr(self.hold.ptr)]].concat());
+        let follow = |kernel, by: &[Arg]| grid(kernel, *n, &[&[Ptr(states.ptr)], by, &end].concat());
         let network = self.engine.network();
         let (tokens, predictions) = (Ptr(network.at(Slot(0))), Ptr(network.predictions().ptr));
         match &self.engine {
             Engine::Stream(stream) => {
-                look("neural_tell", &[tokens])?;
+                look("neural_tell", LANES, &[tokens])?;
                 stream.pass()?;
                 follow("neural_apply", &[predictions, Ptr(stream.taken.0.ptr)])
             }
             Engine::Chain(_, weights, rods) => {
-                look("chain_tell", &[Ptr(rods.ptr), tokens])?;
+                look("chain_tell", 1, &[Ptr(rods.ptr), tokens])?;
                 network.predict(weights.ptr, *n)?;
                 follow("chain_apply", &[Ptr(rods.ptr), predictions])
             }

@@ -43,6 +43,9 @@ impl CudaStream {
     /// What of a frame the device does: the tokens last loaded to `predictions`.
     pub(super) fn pass(&self) -> Result<(), DeviceError> {
         let net = &self.network;
+        if net.whole.is_some() {
+            return net.predict(self.weights.ptr, net.rows);
+        }
         let attend = |i: usize, qkv: u64, out: u64| {
             let Some(attention) = net.plan.attention else { return Ok(()) };
             let ring = self.rings.at(i * net.rows * attention.ring());

@@ -172,13 +172,11 @@ BIG void tell_back(const double* state, const double* scene, const float* by, do
     if (!SITUATED) return;
     Work w;
     Tree& t = w.tree;
-    Event events[NP + 1];
     take(t, state);
     t.shift = v3(0, 0, 0);
     kinematics(t);
     if (MOVING) velocities(t, t.qd);
     survey(w, scene);
-    look(w, events);
     const M3 r = t.rotation[0];
     const V3 o = t.position[0];
     Wrench load[NL], impulse[MOVING ? NL : 1];
@@ -186,7 +184,7 @@ BIG void tell_back(const double* state, const double* scene, const float* by, do
     for (int i = 0; MOVING && i < NL; i++) impulse[i] = load[i];
     V3 turn = v3(0, 0, 0), shift = v3(0, 0, 0);
     for (int p = 0; p < NP; p++) {
-        const Event& e = events[p];
+        const Event e = look(w, p);
         if (!(e.distance < SEEN[p])) continue;
         const V3 by_normal = three(by, STATE + 3 * p), by_place = three(by, STATE + 3 * NP + 3 * p);
         const int depth = STATE + 6 * NP + p;

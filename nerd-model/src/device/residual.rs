@@ -1,0 +1,110 @@
+//! A residual network as one kernel, `whole_pass`, with products in f16 on tensor cores: its text, and its weights in the order in which it reads
+//! them.
+
+use std::borrow::Cow;
+
+use half::f16;
+
+use super::whole::{Products, Whole, defined};
+use crate::program::Program;
+use crate::program::config::{Architecture, TransformerConfig};
+use crate::program::op::{Slot, padded};
+
+/// Rows of a block, and its warps: the sums of a pass are in registers, and a block reads every weight once.
+const ROWS: usize = 64;
+const WARPS: usize = 8;
+/// Steps, of sixteen inner numbers, that are read ahead, beyond the last, too.
+const AHEAD: usize = 4;
+/// Inner numbers of a product are padded to whole turns of the ring that holds those steps.
+const TURN: usize = 16 * AHEAD;
+
+/// The network that a program is (`program/networks.rs`), if it is residual and the kernel has room for it.
+fn shape(program: &Program) -> Option<TransformerConfig> {
+    let ([first, .., hidden, _], blocks) = (&program.steps[..], program.steps.len().checked_sub(6)?) else { return None };
+    let [inputs, e, head, outputs] = [Slot(0), first.to, hidden.to, program.predictions()].map(|slot| program.width(slot));
+    let (layers, architecture) = (blocks / 4, Architecture::Residual);
+    let shape = TransformerConfig { layers, head, architecture, ..TransformerConfig::paper(inputs, outputs, e) };
+    let fits = e.is_multiple_of(8 * WARPS) && e <= 256 && head.max(outputs) <= e && layers > 0;
+    (fits && shape.program() == *program).then_some(shape)
+}
+
+/// Whether f16 loses nothing of the matrices of a program's blocks, as of those that come from a model's file.
+pub fn held_in_f16(program: &Program, flat: &[f32]) -> bool {
+    let tensors = program.tensors.iter().zip(program.starts());
+    let mut blocks = tensors.filter(|(t, _)| t.shape.len() == 2 && t.name.starts_with("blocks."));
+    blocks.all(|(t, at)| flat[at..at + t.len()].iter().all(|x| f16::from_f32(*x).to_f32() == *x))
+}
+
+/// The kernel, of a network that it has room for.
+pub(super) fn residual(program: &Program) -> Option<Whole> {
+    let TransformerConfig { inputs, outputs, embedding: e, layers, head, .. } = shape(program)?;
+    let taken = inputs.next_multiple_of(TURN);
+    // What is normed, what is active twice, and sums of rows twice.
+    let x = taken.max(e) + 8;
+    let floats = ROWS * (x + x.max(2 * (e + 8))) / 2 + 2 * ROWS * WARPS;
+    let sizes = [
+        ("T", 1),
+        ("WINDOWS", ROWS),
+        ("ROWS", ROWS),
+        ("WARPS", WARPS),
+        ("AHEAD", AHEAD),
+        ("INPUTS", padded(inputs)),
+        ("TAKEN", taken),
+        ("E", e),
+        ("LAYERS", layers),
+        ("HEAD", head.next_multiple_of(TURN)),
+        ("OUTPUTS", outputs),
+        ("FLOATS", floats),
+    ];
+    let text = [&defined(&sizes), include_str!("whole.cuh"), include_str!("whole_f16.cuh"), include_str!("whole_main.cuh")].concat();
+    Some(Whole { text, threads: 32 * WARPS, windows: ROWS, shared: 4 * floats, products: Products::F16 })
+}
+
+impl Whole {
+    /// The weights of its program as it reads them; but in f16, as they are.
+    pub fn packed<'a>(&self, program: &Program, flat: &'a [f32]) -> Cow<'a, [f32]> {
+        if self.products == Products::F16 { packed(program, flat).into() } else { flat.into() }
+    }
+}
+
+/// Matrices of E columns in the order of their use as pairs of f16, then biases and norms' weights, E numbers each.
+fn packed(program: &Program, flat: &[f32]) -> Vec<f32> {
+    let e = program.steps.first().map_or(0, |step| program.width(step.to));
+    let mut tensors = program.tensors.iter().zip(program.starts()).map(|(t, at)| (&t.shape[..], &flat[at..at + t.len()])).peekable();
+    let (mut words, mut vectors) = (Vec::new(), Vec::new());
+    while let Some((shape, x)) = tensors.next() {
+        match (shape, tensors.peek()) {
+            ([_], _) => vectors.extend(x.iter().copied().chain(std::iter::repeat(0.0)).take(e)),
+            // Up and down by turns: so many hidden units at a time.
+            ([rows, wide], Some(([inner, _], down))) if *wide == 4 * e && inner == wide => {
+                for k in 0..4 {
+                    pack(&mut words, x, [*rows, *wide], k * e, e, f16::from_f32);
+                    pack(&mut words, &down[k * e * e..][..e * e], [e, e], 0, e, f16::from_f32);
+                }
+                tensors.next();
+            }
+            // Outside of the blocks, whose matrices are f16 in files, too, what f16 leaves of a number is multiplied as well, and by what it
+            // leaves of a row.
+            ([rows, columns], _) => {
+                for part in [f16::from_f32, |x| f16::from_f32(x - f16::from_f32(x).to_f32()), f16::from_f32] {
+                    pack(&mut words, x, [*rows, *columns], 0, e, part);
+                }
+            }
+            _ => {}
+        }
+    }
+    words.resize(words.len() + AHEAD * 8 * e, 0.0);
+    [words, vectors].concat()
+}
+
+/// E columns of a matrix from column `first` on, as lanes of mma.m16n8k16 hold them: by step, tile of eight columns and lane two pairs of rows, eight
+/// rows apart.
+fn pack(words: &mut Vec<f32>, x: &[f32], [rows, columns]: [usize; 2], first: usize, e: usize, part: fn(f32) -> f16) {
+    let at = |row: usize, c: usize| if row < rows && c < columns { part(x[row * columns + c]).to_bits() } else { 0 };
+    for (step, tile, lane) in
+        (0..rows.next_multiple_of(TURN) / 16).flat_map(|s| (0..e / 8).flat_map(move |t| (0..32).map(move |l| (s, t, l))))
+    {
+        let (row, c) = (16 * step + 2 * (lane % 4), first + 8 * tile + lane / 4);
+        words.extend([row, row + 8].map(|row| f32::from_bits(u32::from(at(row, c)) | u32::from(at(row + 1, c)) << 16)));
+    }
+}
