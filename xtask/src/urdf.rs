@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
 use nerd_lab::report::{Artifact, Input, Inputs, Provenance};
-use nerd_lab::survey::{CROWD, STANDING, crowds, find, read, standing};
+use nerd_lab::survey::{STANDING, find, read, standing};
 
 /// Read URDFs and roll them out.
 #[derive(clap::Args, Clone, Debug)]
@@ -13,7 +13,7 @@ pub struct UrdfArgs {
     #[arg(required = true)]
     pub paths: Vec<PathBuf>,
     /// A Python with Pinocchio (PyPI: pin): the dynamics are compared with its own
-    #[arg(long, value_name = "PYTHON", conflicts_with_all = ["stand", "crowd"])]
+    #[arg(long, value_name = "PYTHON", conflicts_with = "stand")]
     pub pinocchio: Option<PathBuf>,
     /// With --pinocchio: random states of each robot
     #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=10_000))]
@@ -21,11 +21,8 @@ pub struct UrdfArgs {
     /// Instead: each stands on a plane for ten seconds, its joints held by drives, and then falls without
     #[arg(long)]
     pub stand: bool,
-    /// Instead: so many robots of each file, each with its own masses and friction: error and speed on one core, beside MuJoCo
-    #[arg(long, value_name = "ROBOTS", requires = "mujoco", conflicts_with = "stand", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
-    pub crowd: Option<u64>,
-    /// With --stand or --crowd: a Python with MuJoCo, for comparison
-    #[arg(long, value_name = "PYTHON")]
+    /// With --stand: a Python with MuJoCo, for comparison
+    #[arg(long, value_name = "PYTHON", requires = "stand")]
     pub mujoco: Option<PathBuf>,
     /// Folder to write the tables into
     #[arg(long, value_name = "FOLDER")]
@@ -41,12 +38,10 @@ pub fn run(args: UrdfArgs) -> Result<()> {
     if files.is_empty() {
         bail!("no .urdf in {}", args.paths.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", "));
     }
-    let (mujoco, n) = (args.mujoco.as_deref(), files.len());
-    let (name, effort, (tables, notes)) = match (args.crowd, mujoco) {
-        (Some(crowd), Some(python)) => ("crowd", n * crowd as usize * CROWD, crowds(&files, python, crowd as usize)?),
-        _ if args.stand => ("standing", n * STANDING, (standing(&files, mujoco), Vec::new())),
-        (_, Some(_)) => bail!("--mujoco is for --stand or --crowd"),
-        _ => ("urdfs", n, read(&files, args.pinocchio.as_deref().map(|python| (python, args.states as usize)))?),
+    let n = files.len();
+    let (name, effort, (tables, notes)) = match args.stand {
+        true => ("standing", n * STANDING, (standing(&files, args.mujoco.as_deref()), Vec::new())),
+        false => ("urdfs", n, read(&files, args.pinocchio.as_deref().map(|python| (python, args.states as usize)))?),
     };
     crate::out::tables(&tables);
     notes.iter().for_each(|note| tell!("{note}"));

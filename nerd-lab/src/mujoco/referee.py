@@ -1,9 +1,8 @@
 """Steps a model with MuJoCo for `nerd_lab::mujoco::Referee`.
 
-JSON in, JSON out, a line each. First line: `mjcf`, `frame_time` (s), `frames`, `starts` as [qpos, qvel] and, where robots differ,
-their `numbers`: `masses` by body and the `friction` of the first plane; the answer is MuJoCo's version. Every other line is a setting, an `integrator`, its `substeps` a frame, and whether it is `timed`, whether
-states are `told`, and whether friction is `plain`, MuJoCo's default; the answer is the states at frame ends as `states[frame][start]`, null once MuJoCo has given one up, and the `seconds` of the
-fastest run. Or it is one frame: states `from` which, joint `forces`, `substeps`; the answer is `states`. A timed run is one call a start with all frames in it, so that nothing of Python is in its time, and must end
+JSON in, JSON out, a line each. First line: `mjcf`, `frame_time` (s), `frames`, `starts` as [qpos, qvel]; the answer is MuJoCo's
+version. Every other line is a setting, an `integrator`, its `substeps` a frame, and whether it is `timed`; the answer is the states at
+frame ends as `states[frame][start]`, null once MuJoCo has given one up, and the `seconds` of the fastest run. Or it is one frame: states `from` which, joint `forces`, `substeps`; the answer is `states`. A timed run is one call a start with all frames in it, so that nothing of Python is in its time, and must end
 where the recorded one did.
 """
 
@@ -29,20 +28,6 @@ def main():
     data = mujoco.MjData(model)
     bad = [getattr(mujoco.mjtWarning, "mjWARN_BAD" + what) for what in ("QPOS", "QVEL", "QACC")]
     say({"version": mujoco.__version__})
-
-    cones = model.opt.cone, model.opt.impratio
-    first_masses, first_inertias = model.body_mass.copy(), model.body_inertia.copy()
-
-    def become(k):
-        """The robot of a start, all that MuJoCo derives of it included."""
-        if not request["numbers"]:
-            return
-        own = request["numbers"][k]
-        factors = own["masses"] / first_masses[1:]
-        model.body_mass[1:] = own["masses"]
-        model.body_inertia[1:] = first_inertias[1:] * factors[:, None]
-        model.geom_friction[0, 0] = own["friction"]
-        mujoco.mj_setConst(model, data)
 
     def begin(start):
         mujoco.mj_resetData(model, data)
@@ -75,10 +60,8 @@ def main():
         substeps = setting["substeps"]
         model.opt.timestep = request["frame_time"] / substeps
         model.opt.integrator = getattr(mujoco.mjtIntegrator, "mjINT_" + setting["integrator"])
-        model.opt.cone, model.opt.impratio = (mujoco.mjtCone.mjCONE_PYRAMIDAL, 1) if setting["plain"] else cones
         states = [[] for _ in range(frames)]
-        for k, start in enumerate(starts if setting["told"] else []):
-            become(k)
+        for start in starts:
             begin(start)
             for frame in states:
                 mujoco.mj_step(model, data, nstep=substeps)
@@ -87,15 +70,14 @@ def main():
         while setting["timed"] and (runs == 0 or total < 0.3 and runs < 20 or runs < 3 and total < 10.0):
             spent = 0.0
             for k, start in enumerate(starts):
-                become(k)
                 begin(start)
                 before = time.perf_counter()
                 mujoco.mj_step(model, data, nstep=substeps * frames)
                 spent += time.perf_counter() - before
-                if setting["told"] and state() != states[-1][k]:
+                if state() != states[-1][k]:
                     return say({"error": "MuJoCo came to another state when timed"})
             best, total, runs = min(best, spent), total + spent, runs + 1
-        say({"states": states if setting["told"] else [], "seconds": best if setting["timed"] else 0.0})
+        say({"states": states, "seconds": best if setting["timed"] else 0.0})
 
 
 try:

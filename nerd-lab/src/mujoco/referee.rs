@@ -39,14 +39,6 @@ struct Request {
     frame_time: f64,
     frames: usize,
     starts: Vec<Vec<f64>>,
-    /// Of the robot of each start, where they differ.
-    numbers: Vec<Numbers>,
-}
-
-#[derive(Serialize)]
-struct Numbers {
-    masses: Vec<f64>,
-    friction: f64,
 }
 
 #[derive(Serialize)]
@@ -54,8 +46,6 @@ struct Setting {
     integrator: Scheme,
     substeps: usize,
     timed: bool,
-    /// Whether states are wanted.
-    told: bool,
     plain: bool,
     worlds: usize,
 }
@@ -71,7 +61,7 @@ struct Rolled {
 /// MuJoCo at work on one model from the same starts, at one setting after another.
 pub struct Referee {
     pub version: String,
-    /// Whether friction is what MuJoCo's defaults make it, pyramids that creep, in place of cones (that hold, where there are drives).
+    /// Of MuJoCo Warp: whether friction is what MuJoCo's defaults make it, pyramids that creep, in place of cones (that hold, where there are drives).
     pub plain: bool,
     /// Environments of a timed run on a GPU; 0: the starts.
     pub worlds: usize,
@@ -81,14 +71,13 @@ pub struct Referee {
 
 impl Referee {
     /// Starts `python` on the robots and scenes of a batch, to roll out `frames` frames from its states, with its drives, which must be those
-    /// of its first environment everywhere, and the masses and frictions of its robots. All else of them and of their scenes is taken from
-    /// the first; largest velocities of joints are not kept.
+    /// of its first environment everywhere. Robot and scene are taken from the first; largest velocities of joints are not kept.
     pub fn new(python: &Path, batch: &Batch, frames: usize) -> Result<Self> {
         Self::by(REFEREE, python, batch, frames)
     }
 
     /// MuJoCo Warp, the same engine in 32 bits on a GPU: every start is a world, and all of them run side by side. It makes no frames one
-    /// by one, and takes no robots that differ.
+    /// by one.
     pub fn warp(python: &Path, batch: &Batch, frames: usize) -> Result<Self> {
         Self::by(WARP, python, batch, frames)
     }
@@ -101,12 +90,8 @@ impl Referee {
         let robot = system.robot.clone();
         let free = Arc::new(Scene::free(system.gravity()));
         let starts = (0..batch.len()).map(|env| to_mujoco(&robot, batch.state(env))).collect();
-        let numbers = batch.systems.iter().zip(&batch.scenes).map(|(own, scene)| Numbers {
-            masses: own.robot.links.iter().map(|l| l.inertia.mass).collect(),
-            friction: scene.colliders.first().map_or(0.0, |c| c.material.mean(&own.spec.material).friction),
-        });
         let mjcf = mjcf(system, batch.scenes.first().unwrap_or(&free), first)?;
-        let request = Request { mjcf, frame_time: system.frame_time, frames, starts, numbers: numbers.collect() };
+        let request = Request { mjcf, frame_time: system.frame_time, frames, starts };
         let mut python = Python::start(python, script, "MuJoCo")?;
         let Version { version } = python.ask(&request)?;
         Ok(Self { version, plain: false, worlds: 0, robot, python })
@@ -114,16 +99,7 @@ impl Referee {
 
     /// Rolls out at one setting: `substeps` steps of `integrator` a frame.
     pub fn play(&mut self, integrator: Scheme, substeps: usize, timed: bool) -> Result<Played> {
-        self.roll(integrator, substeps, timed, true)
-    }
-
-    /// The seconds alone that it takes, for more states than one would read.
-    pub fn time(&mut self, integrator: Scheme, substeps: usize) -> Result<f64> {
-        Ok(self.roll(integrator, substeps, true, false)?.seconds)
-    }
-
-    fn roll(&mut self, integrator: Scheme, substeps: usize, timed: bool, told: bool) -> Result<Played> {
-        let setting = Setting { integrator, substeps, timed, told, plain: self.plain, worlds: self.worlds };
+        let setting = Setting { integrator, substeps, timed, plain: self.plain, worlds: self.worlds };
         let Rolled { states, seconds, lost } = self.python.ask(&setting)?;
         let robot = &self.robot;
         let state = |s: Option<Vec<f64>>| s.map_or_else(|| vec![GONE; robot.state_dim()], |s| from_mujoco(robot, &s));

@@ -10,14 +10,12 @@
 //! # Ok::<(), std::io::Error>(())
 //! ```
 
-mod crowd;
 mod file;
 mod pinocchio;
 mod robot;
 mod stand;
 mod verdict;
 
-pub use crowd::{CROWD, crowds};
 pub use file::{Found, find};
 use robot::FRAMES;
 pub use robot::{Sizes, Surveyed, survey};
