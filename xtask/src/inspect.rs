@@ -54,6 +54,6 @@ fn known(robot: &str) -> Result<()> {
         say!("like = \"urdf\"");
     }
     say!("{}", system.spec_text());
-    say!("# {}", verdict(&system));
+    say!("# {}", verdict(&system, 1.0));
     Ok(())
 }

@@ -18,12 +18,9 @@ pub struct UrdfArgs {
     /// With --pinocchio: random states of each robot
     #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=10_000))]
     pub states: u64,
-    /// Instead: each stands on a plane for ten seconds, its joints held by drives, and then falls without
+    /// Instead: what each does in ten seconds, a free one on a plane: joints held by drives, and without
     #[arg(long)]
     pub stand: bool,
-    /// With --stand: a Python with MuJoCo, for comparison
-    #[arg(long, value_name = "PYTHON", requires = "stand")]
-    pub mujoco: Option<PathBuf>,
     /// Folder to write the tables into
     #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
@@ -40,13 +37,13 @@ pub fn run(args: UrdfArgs) -> Result<()> {
     }
     let n = files.len();
     let (name, effort, (tables, notes)) = match args.stand {
-        true => ("standing", n * STANDING, (standing(&files, args.mujoco.as_deref()), Vec::new())),
-        false => ("urdfs", n, read(&files, args.pinocchio.as_deref().map(|python| (python, args.states as usize)))?),
+        true => ("standing", n as f64 * STANDING, (vec![standing(&files)], Vec::new())),
+        false => ("urdfs", n as f64, read(&files, args.pinocchio.as_deref().map(|python| (python, args.states as usize)))?),
     };
     crate::out::tables(&tables);
     notes.iter().for_each(|note| tell!("{note}"));
     let Some(out) = args.out else { return Ok(()) };
     let inputs = Inputs(vec![Input::files("URDFs", &files.into_iter().map(|found| found.path).collect::<Vec<_>>())?]);
     let (provenance, data) = (Provenance::now(0), Default::default());
-    Artifact { provenance, inputs, effort: effort as f64, tables, data }.write(&out, name)
+    Artifact { provenance, inputs, effort, tables, data }.write(&out, name)
 }

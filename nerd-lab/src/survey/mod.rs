@@ -14,13 +14,11 @@ mod file;
 mod pinocchio;
 mod robot;
 mod stand;
-mod verdict;
 
 pub use file::{Found, find};
 use robot::FRAMES;
 pub use robot::{Sizes, Surveyed, survey};
-pub use stand::{STANDING, stand, standing};
-pub use verdict::verdict;
+pub use stand::{STANDING, standing, verdict};
 
 use crate::prelude::*;
 
