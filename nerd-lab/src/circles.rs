@@ -1,0 +1,341 @@
+//! Circles of imports within a crate, between files and folders, from the words of its sources.
+//!
+//! A file leads to each file that defines something it names; re-exports are followed but lead nowhere themselves, and tests are left out. A
+//! use counts between the two names at which the files' paths part: two files of a folder, or folders.
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use proc_macro2::{Delimiter, TokenStream, TokenTree};
+
+use crate::report::below;
+
+/// Uses of an edge that a line names.
+const SHOWN: usize = 4;
+/// Re-exports that are followed at most.
+const DEEP: usize = 20;
+/// Words before the name of what a module defines.
+const DEFINE: [&str; 8] = ["const", "enum", "fn", "static", "struct", "trait", "type", "mod"];
+
+/// A file as a module. A name may mean several things: a module and a function, say.
+#[derive(Default)]
+struct Module {
+    file: PathBuf,
+    parent: usize,
+    children: BTreeMap<String, usize>,
+    defined: BTreeSet<String>,
+    /// Names, `*` for all of a module's, and the paths that they stand for.
+    imports: Vec<(String, Vec<String>)>,
+    /// Paths that its code names, by line.
+    used: BTreeSet<(usize, Vec<String>)>,
+}
+
+/// What a path leads to: a module, or something that it defines.
+#[derive(Clone, Copy)]
+enum Target {
+    Module(usize),
+    In(usize),
+}
+
+/// One line for each circle in a workspace's crates.
+pub fn of_workspace(root: &Path) -> Result<Vec<String>> {
+    let manifest = std::fs::read_to_string(root.join("Cargo.toml")).with_context(|| format!("no Cargo.toml in {}", root.display()))?;
+    let manifest: toml::Table = toml::from_str(&manifest)?;
+    let members = manifest["workspace"]["members"].as_array().context("no workspace.members in Cargo.toml")?;
+    let mut lines = Vec::new();
+    for member in members.iter().filter_map(toml::Value::as_str) {
+        lines.extend(of_crate(&root.join(member).join("src"))?.into_iter().map(|line| format!("{member}, {line}")));
+    }
+    Ok(lines)
+}
+
+/// One line for each circle in the sources of a crate.
+fn of_crate(src: &Path) -> Result<Vec<String>> {
+    let modules = read(src)?;
+    let (mut graph, mut behind) = (Graph::new(), BTreeMap::<_, BTreeSet<String>>::new());
+    for (id, module) in modules.iter().enumerate() {
+        for (line, path) in &module.used {
+            for target in resolve(&modules, id, path, 0) {
+                let Target::In(home) = target else { continue };
+                if home != id {
+                    let [from, to] = parted(&module.file, &modules[home].file);
+                    *graph.entry(from.clone()).or_default().entry(to.clone()).or_default() += 1;
+                    behind.entry((from, to)).or_default().insert(format!("{}:{line} {}", module.file.display(), path.join("::")));
+                }
+            }
+        }
+    }
+    let line = |circle: Vec<String>| {
+        let (first, last) = (circle[0].clone(), circle[circle.len() - 1].clone());
+        let all = &behind[&(last, first.clone())];
+        let closing: Vec<&str> = all.iter().take(SHOWN).map(String::as_str).collect();
+        let more = if all.len() > SHOWN { format!(" and {} more", all.len() - SHOWN) } else { String::new() };
+        format!("{} -> {first}, closed by {}{more}", circle.join(" -> "), closing.join(", "))
+    };
+    Ok(circles(&graph).into_iter().map(line).collect())
+}
+
+/// The modules of all files; the root is the first.
+fn read(src: &Path) -> Result<Vec<Module>> {
+    let is_root = |path: &PathBuf| ["lib.rs", "main.rs"].iter().any(|name| *path == src.join(name));
+    let mut files: Vec<PathBuf> = below(src)?.into_iter().filter(|path| path.extension().is_some_and(|e| e == "rs")).collect();
+    // A module comes behind those that it is in.
+    files.sort_by_key(|path| (!is_root(path), path.components().count(), !path.ends_with("mod.rs")));
+    let mut modules: Vec<Module> = Vec::new();
+    for path in &files {
+        let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+        let tokens = text.parse::<TokenStream>().map_err(|e| anyhow::anyhow!("{}: {e}", path.display()))?;
+        let file = path.strip_prefix(src).unwrap_or(path).to_path_buf();
+        let name = if file.ends_with("mod.rs") { file.parent().unwrap_or(&file).to_path_buf() } else { file.with_extension("") };
+        let parent = name.parent().into_iter().flatten().fold(0, |at, part| {
+            let part = part.to_string_lossy();
+            modules.get(at).and_then(|module| module.children.get(&*part)).copied().unwrap_or(at)
+        });
+        let id = modules.len();
+        if let Some(above) = modules.get_mut(parent) {
+            above.children.insert(name.file_name().unwrap_or_default().to_string_lossy().into_owned(), id);
+        }
+        let (mut words, mut module) = (Vec::new(), Module { file, parent, ..Module::default() });
+        flat(tokens, &mut words);
+        module.scan(&words);
+        modules.push(module);
+    }
+    Ok(modules)
+}
+
+/// Words, marks and brackets with their lines.
+fn flat(tokens: TokenStream, out: &mut Vec<(String, usize)>) {
+    for token in tokens {
+        let line = token.span().start().line;
+        match token {
+            TokenTree::Group(group) => {
+                let [open, close] = match group.delimiter() {
+                    Delimiter::Parenthesis => ["(", ")"],
+                    Delimiter::Bracket => ["[", "]"],
+                    _ => ["{", "}"],
+                };
+                out.push((open.into(), line));
+                flat(group.stream(), out);
+                out.push((close.into(), line));
+            }
+            TokenTree::Literal(_) => out.push(("0".into(), line)),
+            word => out.push((word.to_string(), line)),
+        }
+    }
+}
+
+impl Module {
+    fn scan(&mut self, words: &[(String, usize)]) {
+        let word = |k: usize| words.get(k).map_or("", |word| &word.0);
+        let name = |k: usize| word(k).starts_with(|c: char| c.is_alphabetic() || c == '_');
+        let (mut k, mut depth) = (0, 0);
+        while k < words.len() {
+            match word(k) {
+                "{" | "(" | "[" => depth += 1,
+                "}" | ")" | "]" => depth -= 1,
+                // What is for tests alone, to the end of its braces or its semicolon.
+                "#" if ["cfg ( test )", "test ]"].iter().any(|tests| tests.split(' ').enumerate().all(|(i, w)| word(k + 2 + i) == w)) => {
+                    let mut inside = 0;
+                    while k < words.len() && !(inside == 1 && word(k) == "}" || inside == 0 && word(k) == ";") {
+                        inside += match word(k) {
+                            "{" | "(" | "[" => 1,
+                            "}" | ")" | "]" => -1,
+                            _ => 0,
+                        };
+                        k += 1;
+                    }
+                }
+                "use" => {
+                    // A public one is no use.
+                    let private = k == 0 || !["pub", ")"].contains(&word(k - 1));
+                    k = self.import(words, k + 1, &[], private);
+                }
+                _ if name(k) => {
+                    if depth == 0 && DEFINE.contains(&word(k)) && name(k + 1) {
+                        self.defined.insert(word(k + 1).into());
+                    }
+                    // What follows a dot or two colons is part of something else; a small name alone is a variable, unless it is called.
+                    let inside = k > 0 && (word(k - 1) == "." || k > 1 && word(k - 1) == ":" && word(k - 2) == ":");
+                    let (mut path, line) = (vec![word(k).to_string()], words[k].1);
+                    while word(k + 1) == ":" && word(k + 2) == ":" && name(k + 3) {
+                        k += 3;
+                        path.push(word(k).into());
+                    }
+                    if !inside && (path.len() > 1 || path[0].starts_with(char::is_uppercase) || ["(", "!"].contains(&word(k + 1))) {
+                        self.used.insert((line, path));
+                    }
+                }
+                _ => {}
+            }
+            k += 1;
+        }
+    }
+
+    /// Takes the names of a `use` from a place on, below a path; the place behind them.
+    fn import(&mut self, words: &[(String, usize)], mut k: usize, above: &[String], private: bool) -> usize {
+        let word = |k: usize| words.get(k).map_or("", |word| &word.0);
+        let (mut path, mut named, line) = (above.to_vec(), false, words.get(k).map_or(0, |word| word.1));
+        loop {
+            match word(k) {
+                ":" => {}
+                "{" => {
+                    while !["}", ""].contains(&word(k)) {
+                        k = self.import(words, k + 1, &path, private);
+                    }
+                    return k + 1;
+                }
+                "as" => {
+                    self.imports.push((word(k + 1).into(), path.clone()));
+                    k += 1;
+                }
+                "," | "}" | ";" | "" => {
+                    let last = path.last().cloned().unwrap_or_default();
+                    if last == "*" {
+                        path.pop();
+                    }
+                    if named && word(k - 2) != "as" {
+                        self.imports.push((last, path.clone()));
+                    }
+                    if named && private {
+                        self.used.insert((line, path));
+                    }
+                    return k;
+                }
+                part => {
+                    named = true;
+                    path.extend((part != "self" || path.is_empty()).then(|| part.to_string()));
+                }
+            }
+            k += 1;
+        }
+    }
+}
+
+fn resolve(modules: &[Module], from: usize, path: &[String], deep: usize) -> Vec<Target> {
+    let Some((first, rest)) = path.split_first().filter(|_| deep < DEEP) else { return Vec::new() };
+    let mut targets = match first.as_str() {
+        "crate" => vec![Target::Module(0)],
+        "self" => vec![Target::Module(from)],
+        "super" => vec![Target::Module(modules[from].parent)],
+        name => lookup(modules, from, name, deep),
+    };
+    for name in rest {
+        let step = |target| match target {
+            Target::Module(id) if name == "super" => vec![Target::Module(modules[id].parent)],
+            Target::Module(id) => lookup(modules, id, name, deep),
+            // A variant or an associated function: its type's home.
+            Target::In(id) => vec![Target::In(id)],
+        };
+        targets = targets.into_iter().flat_map(step).collect();
+    }
+    targets
+}
+
+fn lookup(modules: &[Module], id: usize, name: &str, deep: usize) -> Vec<Target> {
+    let module = &modules[id];
+    let child = module.children.get(name).map(|child| Target::Module(*child));
+    let own = (child.is_none() && module.defined.contains(name)).then_some(Target::In(id));
+    let mut targets: Vec<Target> = child.into_iter().chain(own).collect();
+    for (known, path) in &module.imports {
+        if known == name {
+            targets.extend(resolve(modules, id, path, deep + 1));
+        } else if known == "*" && targets.is_empty() {
+            for target in resolve(modules, id, path, deep + 1) {
+                if let Target::Module(other) = target {
+                    targets.extend(lookup(modules, other, name, deep + 1));
+                }
+            }
+        }
+    }
+    targets
+}
+
+/// The names at which two paths part.
+fn parted(from: &Path, to: &Path) -> [String; 2] {
+    let same = from.iter().zip(to.iter()).take_while(|(a, b)| a == b).count();
+    [from, to].map(|path| path.iter().take(same + 1).collect::<PathBuf>().display().to_string())
+}
+
+/// Edges from a name to names, each with how many uses it has.
+type Graph = BTreeMap<String, BTreeMap<String, usize>>;
+
+/// The shortest circle through each name, once; its last step, back to its first name, is the one of fewest uses.
+fn circles(graph: &Graph) -> BTreeSet<Vec<String>> {
+    let mut all = BTreeSet::new();
+    for mut circle in graph.keys().filter_map(|name| shortest(graph, name)) {
+        let n = circle.len();
+        let uses = |k: usize| (graph[&circle[k]][&circle[(k + 1) % n]], &circle[k]);
+        let fewest = (0..n).min_by_key(|k| uses(*k)).unwrap_or(0);
+        circle.rotate_left((fewest + 1) % n);
+        all.insert(circle);
+    }
+    all
+}
+
+fn shortest(graph: &Graph, start: &String) -> Option<Vec<String>> {
+    let (mut before, mut open) = (BTreeMap::<&String, &String>::new(), VecDeque::from([start]));
+    while let Some(name) = open.pop_front() {
+        for next in graph.get(name).into_iter().flat_map(BTreeMap::keys) {
+            if next == start {
+                let mut way = vec![name.clone()];
+                while let Some(last) = before.get(way.last()?) {
+                    way.push(last.to_string());
+                }
+                way.reverse();
+                return Some(way);
+            }
+            if !before.contains_key(next) {
+                before.insert(next, name);
+                open.push_back(next);
+            }
+        }
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A crate with the files given, each with its path and text; the lines of its circles.
+    fn circles_of(files: &[(&str, &str)]) -> Vec<String> {
+        let folder = tempfile::tempdir().expect("a folder");
+        for (path, text) in files {
+            let path = folder.path().join(path);
+            std::fs::create_dir_all(path.parent().expect("a parent")).expect("folders");
+            std::fs::write(path, text).expect("a file");
+        }
+        of_crate(folder.path()).expect("a crate that parses")
+    }
+
+    const OWN: &str = "pub struct Own;\npub use self::deep::Deep;\nmod deep;\n";
+
+    #[test]
+    fn a_circle_is_found_through_a_reexport_and_in_a_macro() {
+        let lib = ("lib.rs", "mod body;\npub mod name;\npub use body::Own;\n");
+        let (body, deep) = (("body/mod.rs", OWN), ("body/deep.rs", "use crate::name::Name;\npub struct Deep(Name);\n"));
+        // Through the re-export at the root, inside a macro.
+        let name =
+            ("name.rs", "#[derive(Debug)]\npub struct Name;\npub fn print() {\n    println!(\"{:?}\", crate::body::Deep::of(1));\n}\n");
+        let end = "closed by name.rs:4 crate::body::Deep::of";
+        assert_eq!(circles_of(&[lib, body, deep, name]), [format!("body -> name.rs -> body, {end}")]);
+    }
+
+    #[test]
+    fn one_of_folders_alone_is_found() {
+        let a = [("lib.rs", "mod a;\nmod b;\n"), ("a/mod.rs", "pub mod low;\npub mod high;\n"), ("a/low.rs", "pub struct Low;\n")];
+        let b = [("a/high.rs", "use crate::b::*;\npub type High = Mid;\n"), ("b.rs", "use super::a::low;\npub struct Mid(low::Low);\n")];
+        let files = [a, [b[0], b[1], ("unused.rs", "")]].concat();
+        assert_eq!(circles_of(&files), ["b.rs -> a -> b.rs, closed by a/high.rs:2 Mid"]);
+    }
+
+    #[test]
+    fn tests_declarations_and_reexports_close_none() {
+        let lib = ("lib.rs", "mod a;\nmod b;\npub use b::Second;\n#[cfg(test)]\nmod tests { use super::b::Second; }\n");
+        let a = ("a.rs", "pub struct First;\n#[cfg(test)]\nmod tests {\n    use crate::Second;\n}\n");
+        let b =
+            ("b.rs", "use crate::a::First;\npub struct Second(First);\npub fn number() -> usize {\n    let second = 2;\n    second\n}\n");
+        assert_eq!(circles_of(&[lib, a, b]), [""; 0]);
+    }
+}
