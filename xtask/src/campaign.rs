@@ -8,7 +8,6 @@ use nerd_lab::experiments::{Experiment, conduct};
 
 use crate::options::Keys;
 
-/// Try hostile input.
 #[derive(clap::Args, Clone, Debug)]
 pub struct CampaignArgs {
     #[command(flatten)]

@@ -8,7 +8,6 @@ use anyhow::{Context, Result, bail};
 use nerd_lab::circles;
 use nerd_train::shipped::root;
 
-/// Format, clippy, circles of imports, docs, tests.
 #[derive(clap::Args, Clone, Debug)]
 pub struct CheckArgs {
     /// Leave the tests out
@@ -38,7 +37,6 @@ const STEPS: [(&str, &str); 10] = [
 /// Of one package, whose name comes behind it.
 const OUTSIDE: &str = "clippy --release --locked --manifest-path examples/Cargo.toml --target-dir target -p";
 
-/// Runs the verb.
 pub fn run(args: CheckArgs) -> Result<()> {
     let started = Instant::now();
     let lines = circles::of_workspace(&root())?;

@@ -14,7 +14,6 @@ use nerd_train::run::RecordConfig;
 use crate::options::{Keys, TRANSITIONS, Whole, value};
 use crate::ranks::alone;
 
-/// Record random trajectories.
 #[derive(clap::Args, Clone, Debug)]
 pub struct DatasetArgs {
     /// Robot: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf
@@ -34,7 +33,6 @@ pub struct DatasetArgs {
     pub out: PathBuf,
 }
 
-/// Runs the verb.
 pub fn run(args: DatasetArgs) -> Result<()> {
     alone("dataset", "--part shares the work out")?;
     let (system, part) = (System::named(&args.robot)?, args.part);

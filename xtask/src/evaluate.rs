@@ -14,7 +14,6 @@ use crate::options::Keys;
 use crate::out::{self, conduct, tables};
 use crate::solvers::SolverArgs;
 
-/// Measure a solver against the truth.
 #[derive(clap::Args, Clone, Debug)]
 pub struct EvaluateArgs {
     /// Robot: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf
@@ -35,7 +34,6 @@ pub struct EvaluateArgs {
     pub out: Option<PathBuf>,
 }
 
-/// Runs the verb.
 pub fn run(args: EvaluateArgs) -> Result<()> {
     let system = System::named(&args.robot)?;
     let (solver, asked) = (args.solver.choose(&system)?, args.keys.settings()?);

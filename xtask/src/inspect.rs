@@ -12,7 +12,6 @@ use nerd_sim::system::Source;
 
 use crate::options::{Positive, value};
 
-/// Show what a data set holds, or with --robot alone what is known of a robot.
 #[derive(clap::Args, Clone, Debug)]
 pub struct InspectArgs {
     /// Folder that `dataset` wrote
@@ -26,7 +25,6 @@ pub struct InspectArgs {
     pub bound: f64,
 }
 
-/// Runs the verb.
 pub fn run(args: InspectArgs) -> Result<()> {
     let folder = match (&args.folder, &args.robot) {
         (Some(folder), _) => folder,

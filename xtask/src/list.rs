@@ -14,7 +14,6 @@ use nerd_train::shipped::{folders, from_root, root};
 use crate::out;
 use nerd_lab::choice::describe;
 
-/// Show what can be named on the command line.
 #[derive(clap::Args, Clone, Debug)]
 pub struct ListArgs {
     #[command(subcommand)]
@@ -40,7 +39,6 @@ pub enum What {
     Rows,
 }
 
-/// Runs the verb.
 pub fn run(args: ListArgs) -> Result<()> {
     out::table(&match args.what {
         What::Robots => robots()?,

@@ -11,7 +11,6 @@ use nerd_train::shipped::results;
 use crate::options::Keys;
 use crate::out::{conduct, table, tables};
 
-/// An experiment that is a verb of its own: its settings as options, and where its result goes.
 #[derive(clap::Args, Clone, Debug)]
 pub struct Conduct<T: Settings + Clone + std::fmt::Debug + Send + Sync + 'static> {
     #[command(flatten)]
@@ -39,7 +38,6 @@ impl<T: Settings + Experiment + Clone + std::fmt::Debug + Send + Sync> Conduct<T
     }
 }
 
-/// Measure an experiment of the laboratory.
 #[derive(clap::Args, Clone, Debug)]
 pub struct MeasureArgs {
     /// Its name; without one, all are listed with their settings
@@ -52,7 +50,6 @@ pub struct MeasureArgs {
     pub out: Option<PathBuf>,
 }
 
-/// Runs the verb.
 pub fn run(args: MeasureArgs) -> Result<()> {
     let Some(name) = &args.name else { return list() };
     conduct(&*Entry::named(name)?.with(&args.set)?, &args.out.unwrap_or_else(results)).map(drop)

@@ -9,7 +9,6 @@ use nerd_train::shipped::results;
 
 use crate::options::{FRAMES, Whole, value};
 
-/// Write the page.
 #[derive(clap::Args, Clone, Debug)]
 pub struct ReportArgs {
     /// FILE to write
@@ -23,7 +22,6 @@ pub struct ReportArgs {
     pub gif: Option<PathBuf>,
 }
 
-/// Runs the verb.
 pub fn run(args: ReportArgs) -> Result<()> {
     let bar = bar("motions", MOTIONS as u64);
     page(args.frames, &results(), &args.out, args.gif.as_deref(), &bar)?;

@@ -27,7 +27,6 @@ const QUICK: [&str; 2] = ["cartpole", "pendulum"];
 /// Default folder of results, and of models trained on the spot.
 const OWN: &str = "out/reproduce";
 
-/// Reproduce the tables and charts of the README.
 #[derive(clap::Args, Clone, Debug)]
 pub struct ReproduceArgs {
     /// Train small models from nothing instead of taking the shipped ones
@@ -50,7 +49,6 @@ pub struct ReproduceArgs {
     pub out: Option<PathBuf>,
 }
 
-/// Runs the verb.
 pub fn run(args: ReproduceArgs) -> Result<()> {
     let out = args.out.clone().unwrap_or_else(|| shipped::root().join(OWN));
     let mut asked = Protocol::default();

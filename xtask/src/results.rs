@@ -9,7 +9,6 @@ use nerd_lab::report::marks::{Marks, documents, unmarked};
 use nerd_lab::report::{Table, write};
 use nerd_train::shipped::{models, results, root};
 
-/// Results and the documents that quote them.
 #[derive(clap::Args, Clone, Debug)]
 pub struct ResultsArgs {
     #[command(subcommand)]

@@ -25,7 +25,6 @@ Columns go by these names (a TOML may give others; JOINT is q_NAME where a joint
 any order; others are passed over.
 OUT has traj, step and the state, in f64 with as many digits as it takes.";
 
-/// Roll a solver out from the states of a file.
 #[derive(clap::Args, Clone, Debug)]
 #[command(after_help = TABLES)]
 pub struct RolloutArgs {
@@ -48,7 +47,6 @@ pub struct RolloutArgs {
     pub out: PathBuf,
 }
 
-/// Runs the verb.
 pub fn run(args: RolloutArgs) -> Result<()> {
     let system = System::named(&args.robot)?;
     let scene = system.scene(&args.scene)?;

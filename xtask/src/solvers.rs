@@ -12,7 +12,6 @@ use nerd_train::shipped;
 
 use crate::options::{MODELS, Positive, SUBSTEPS, TRUTHS, Whole, unused, value, word};
 
-/// Which solver, and how it is set.
 #[derive(clap::Args, Clone, Debug, Default)]
 pub struct SolverArgs {
     /// Solver: articulated, rapier or neural [default: articulated]

@@ -10,7 +10,6 @@ use nerd_train::device::Device;
 use crate::options::{DEVICES, unused, word};
 use crate::out::conduct;
 
-/// Show where methods fail.
 #[derive(clap::Args, Clone, Debug)]
 pub struct StabilityArgs {
     /// Rows whose name contains one of these words, comma-separated [default: all]
@@ -27,7 +26,6 @@ pub struct StabilityArgs {
     pub out: Option<PathBuf>,
 }
 
-/// Runs the verb.
 pub fn run(args: StabilityArgs) -> Result<()> {
     let out = args.out.unwrap_or_else(nerd_train::shipped::results);
     if args.device == Some(Device::Cuda) {

@@ -8,7 +8,6 @@ use nerd_train::run::{Recipe, RunConfig};
 use crate::options::Keys;
 use crate::ranks;
 
-/// Train a NeRD model, as one process or as one of several that `torchrun` or another launcher starts.
 #[derive(clap::Args, Clone, Debug)]
 pub struct TrainArgs {
     /// File of settings (TOML), whose keys are the options below; options override it
@@ -23,7 +22,6 @@ pub struct TrainArgs {
     pub keys: Keys<RunConfig>,
 }
 
-/// Runs the verb.
 pub fn run(args: TrainArgs) -> Result<()> {
     let given = args.keys.given;
     let recipe = match (&args.file, &args.recipe) {

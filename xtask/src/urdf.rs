@@ -6,7 +6,6 @@ use anyhow::{Context, Result, bail};
 use nerd_lab::report::{Artifact, Input, Inputs, Provenance};
 use nerd_lab::survey::{STANDING, find, read, standing};
 
-/// Read URDFs and roll them out.
 #[derive(clap::Args, Clone, Debug)]
 pub struct UrdfArgs {
     /// Files, or folders to be searched for .urdf
@@ -26,7 +25,6 @@ pub struct UrdfArgs {
     pub out: Option<PathBuf>,
 }
 
-/// Runs the verb.
 pub fn run(args: UrdfArgs) -> Result<()> {
     let mut files = Vec::new();
     for path in &args.paths {

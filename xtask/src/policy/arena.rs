@@ -12,7 +12,6 @@ use nerd_train::shipped;
 use crate::options::{MODELS, unused, word};
 use crate::solvers::SolverName;
 
-/// A solver that episodes run on.
 #[derive(clap::Args, Clone, Debug)]
 pub struct ArenaArgs {
     /// Solver: neural, or one of the truths, articulated (preset accurate) and rapier (16 steps)

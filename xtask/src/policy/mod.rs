@@ -16,7 +16,6 @@ use crate::measure::Conduct;
 use crate::options::{Keys, Number, Positive, SEEDS, Whole, value};
 use crate::{out, ranks};
 
-/// Train, evaluate or show a policy.
 #[derive(clap::Args, Clone, Debug)]
 pub struct PolicyArgs {
     #[command(subcommand)]
@@ -36,7 +35,6 @@ pub enum PolicyVerb {
     Show(ShowArgs),
 }
 
-/// Train a policy.
 #[derive(clap::Args, Clone, Debug)]
 pub struct TrainArgs {
     /// Task: cartpole-swingup, ant-run, ant-spin, ant-spin-track, franka-reach, franka-reach-torque, anymal-forward, anymal-side, lead-tip
@@ -75,7 +73,6 @@ pub struct TrainArgs {
     pub out: Option<PathBuf>,
 }
 
-/// Train policies and their model in turn.
 #[derive(clap::Args, Clone, Debug)]
 pub struct CoTrainArgs {
     /// Tasks, all of one robot
@@ -88,7 +85,6 @@ pub struct CoTrainArgs {
     pub out: Option<PathBuf>,
 }
 
-/// Show a policy.
 #[derive(clap::Args, Clone, Debug)]
 pub struct ShowArgs {
     /// Folder of the policy
@@ -104,7 +100,6 @@ pub struct ShowArgs {
     pub out: PathBuf,
 }
 
-/// Runs the verb.
 pub fn run(args: PolicyArgs) -> Result<()> {
     match args.verb {
         PolicyVerb::Train(args) => train(*args),
