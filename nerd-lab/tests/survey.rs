@@ -118,5 +118,8 @@ fn a_newcomer_is_told_whether_a_robot_stands_hangs_or_falls() {
     // Of several each has its line, for ten seconds.
     let [none, table] = [written(folder.path(), "none.urdf", "no xml"), written(folder.path(), "table.urdf", &table(-1.5))];
     let rows = standing(&[none, table]).rows;
-    assert!(rows.len() == 2 && rows[0][1].contains("none.urdf") && rows[1][1].starts_with("after 10 s, joints held by drives, it stands"), "{rows:?}");
+    assert!(
+        rows.len() == 2 && rows[0][1].contains("none.urdf") && rows[1][1].starts_with("after 10 s, joints held by drives, it stands"),
+        "{rows:?}"
+    );
 }
