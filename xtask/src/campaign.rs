@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
-use nerd_lab::campaign::{Call, Campaign, Found, replay, work};
+use nerd_lab::campaign::{Campaign, Found, replay};
 use nerd_lab::experiments::{Experiment, conduct};
 
 use crate::options::Keys;
@@ -18,18 +18,11 @@ pub struct CampaignArgs {
     /// Try the corpus of faults that were found once, in place of changed input
     #[arg(long)]
     pub replay: bool,
-    /// Order of a worker
-    #[arg(long, hide = true, value_delimiter = ',')]
-    pub work: Option<Vec<String>>,
 }
 
-/// Runs the verb; `call` runs the others.
-pub fn run(args: CampaignArgs, call: Call) -> Result<()> {
-    if let Some(order) = &args.work {
-        return work(call, order);
-    }
+pub fn run(args: CampaignArgs) -> Result<()> {
     if args.replay {
-        let (tried, wrong) = replay(call)?;
+        let (tried, wrong) = replay()?;
         if !wrong.is_empty() {
             bail!("{} of {tried} cases: {}", wrong.len(), wrong.join("; "));
         }

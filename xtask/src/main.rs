@@ -114,16 +114,9 @@ fn run(verb: Verb) -> Result<()> {
         Verb::Calibrate(args) => args.run(),
         Verb::Urdf(args) => urdf::run(args),
         Verb::List(args) => list::run(args),
-        Verb::Campaign(args) => campaign::run(args, call),
+        Verb::Campaign(args) => campaign::run(args),
         Verb::Check(args) => check::run(args),
     }
-}
-
-/// Runs a command line within this process, for the campaign: nothing, or the line that it would end with.
-fn call(words: &[&str]) -> Result<(), String> {
-    let words = ["cargo xtask"].iter().chain(words).map(OsString::from);
-    let verb = parse(words).map_err(|e| refusals::usage(&e))?;
-    run(verb).map_err(|e| refusals::failure(&e))
 }
 
 fn main() -> ExitCode {

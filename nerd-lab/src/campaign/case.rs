@@ -1,13 +1,14 @@
 //! Cases by number: good files of one kind, one of them changed, and a command line that uses them. The same seed and number make the
 //! same bytes, so a case that killed its process is made again to be shown.
 
-use mutatis::Session;
 use nerd_sim::prelude::System;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng as Dice;
 use serde::Deserialize;
 
 use super::files::Files;
 use super::judge::Case;
-use super::text::{Dictionary, dice};
+use super::text::{Dictionary, byte};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -64,16 +65,16 @@ impl Kind {
     }
 
     pub fn make(self, seed: u64, number: u64, good: &Files) -> Case {
-        let mut session = Session::new().seed(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ number);
-        let (session, words) = (&mut session, &self.words());
+        let (dice, words) = (&mut Dice::seed_from_u64(seed), &self.words());
+        dice.set_stream(number);
         let (lines, robots): (Vec<_>, Vec<_>) = (self.lines(), ROBOTS.split(' ').collect());
-        let mut case = Case { files: good.clone(), line: lines[dice(session, lines.len())].into(), before: Vec::new() };
+        let mut case = Case { files: good.clone(), line: lines[dice.random_range(0..lines.len())].into(), before: Vec::new() };
         match self {
             Self::Urdf | Self::Toml => {
-                let robot = robots[dice(session, robots.len())];
+                let robot = robots[dice.random_range(0..robots.len())];
                 let (spec, xml) = System::texts(robot).unwrap_or_default();
                 let mut texts = [xml.as_bytes().to_vec(), spec.as_bytes().to_vec()];
-                words.change(session, &mut texts[usize::from(self == Self::Toml)]);
+                words.change(dice, &mut texts[usize::from(self == Self::Toml)]);
                 let [xml, spec] = texts;
                 case.line = case.line.replace("ROBOT", robot);
                 case.files.insert(format!("f/{robot}.urdf"), xml);
@@ -81,7 +82,7 @@ impl Kind {
             }
             Self::Csv => {
                 let table = case.value("--states").unwrap_or_default().to_string();
-                case.files.entry(table).and_modify(|text| words.change(session, text));
+                case.files.entry(table).and_modify(|text| words.change(dice, text));
             }
             Self::Model => {
                 let (folder, names) = match case.value("--policy") {
@@ -90,26 +91,26 @@ impl Kind {
                         (case.value("--model").unwrap_or_default().to_string(), ["config.json", "normalizer.json", "model.safetensors"])
                     }
                 };
-                let name = format!("{folder}/{}", names[[0, 0, 1, 2, 2][dice(session, 5)]]);
+                let name = format!("{folder}/{}", names[[0, 0, 1, 2, 2][dice.random_range(0..5)]]);
                 case.before = case.value("--model").map(|folder| format!("stamp {folder}")).into_iter().collect();
-                match dice(session, 32) {
+                match dice.random_range(0..32) {
                     0 => drop(case.files.remove(&name)),
-                    _ if name.ends_with("json") => drop(case.files.entry(name).and_modify(|text| words.change(session, text))),
-                    _ => drop(case.files.entry(name).and_modify(|bytes| tensors(session, bytes))),
+                    _ if name.ends_with("json") => drop(case.files.entry(name).and_modify(|text| words.change(dice, text))),
+                    _ => drop(case.files.entry(name).and_modify(|bytes| tensors(dice, bytes))),
                 }
             }
             Self::Mesh => {
-                let (kind, mesh) = MESHES[dice(session, MESHES.len())];
+                let (kind, mesh) = MESHES[dice.random_range(0..MESHES.len())];
                 let mut mesh = mesh.to_vec();
-                words.change(session, &mut mesh);
+                words.change(dice, &mut mesh);
                 case.files.insert("f/brick.urdf".into(), BRICK.replace("KIND", kind).into());
                 case.files.insert(format!("f/brick.{kind}"), mesh);
             }
             // An option a line, until it is whole again.
             Self::Line => {
                 let mut text = case.line.replace(" --", "\n--").into_bytes();
-                words.change(session, &mut text);
-                case.line = String::from_utf8_lossy(&text).replace('\n', " ");
+                words.change(dice, &mut text);
+                case.line = String::from_utf8_lossy(&text).replace(['\n', '\0'], " ");
                 // Without its limit a good training goes on for an hour.
                 if case.line.contains("train ") {
                     match case.value("--minutes").map(|word| (word.to_string(), word.parse::<f64>())) {
@@ -127,15 +128,13 @@ impl Kind {
 }
 
 /// A weight, or any byte of a safetensors file.
-fn tensors(session: &mut Session, file: &mut Vec<u8>) {
+fn tensors(dice: &mut Dice, file: &mut Vec<u8>) {
     let data = file.first_chunk().map_or(0, |length| u64::from_le_bytes(*length) as usize) + 8;
-    let at = data + dice(session, (file.len() - data) / 4) * 4;
-    match file[at..].first_chunk_mut().filter(|_| dice(session, 2) == 0) {
-        Some(bytes) => {
-            let mut weight = f32::from_le_bytes(*bytes);
-            session.mutate(&mut weight).unwrap_or_default();
-            *bytes = weight.to_le_bytes();
-        }
-        None => session.mutate(file).unwrap_or_default(),
+    let at = data + dice.random_range(0..(file.len() - data) / 4) * 4;
+    let (other, scaled): (u32, bool) = (dice.random(), dice.random());
+    match file[at..].first_chunk_mut().filter(|_| dice.random()) {
+        Some(bytes) if scaled => *bytes = (f32::from_le_bytes(*bytes) * 10f32.powf(dice.random_range(-6.0..6.0))).to_le_bytes(),
+        Some(bytes) => *bytes = other.to_le_bytes(),
+        None => byte(dice, file),
     }
 }

@@ -1,28 +1,27 @@
 //! Hostile input by the million, and runs that are killed.
 //!
-//! Good URDFs, specifications, tables, model folders and command lines are changed at random, by the crate `mutatis`, and used. Each
+//! Good URDFs, specifications, tables, model folders and command lines are changed at random and used. Each
 //! must be refused in words or be used to the end: no panic, no abort, nothing over its memory or time, no number that is not finite.
 //! Runs that are killed must leave no half a file and go on as if nothing had been. What fails is kept, and belongs into
 //! `assets/campaign/corpus.toml` once it is mended.
 
 use std::collections::BTreeMap;
+use std::sync::{Mutex, PoisonError};
+
+use rayon::prelude::*;
 
 use crate::prelude::*;
 
 mod bench;
 mod case;
 mod corpus;
-mod crew;
 mod files;
 mod judge;
 mod kills;
 mod text;
 
 use case::Kind;
-use crew::try_all;
-pub use crew::work;
-pub use judge::Call;
-use judge::{Outcome, Verdict};
+use judge::{Outcome, Verdict, judge};
 use kills::KILLS;
 
 /// Faults whose files are kept, at most.
@@ -78,40 +77,47 @@ impl Found {
 
 impl Campaign {
     fn change(&self, program: &Path, found: &mut Found) -> Result<()> {
-        let good = files::scratch()?;
-        bench::build(program, good.path())?;
-        let (bar, mut faults, mut done) = (bar("cases", self.cases), Vec::new(), 0);
-        try_all(program, (self.seed, self.cases), good.path(), &mut |number, verdict| {
+        let files = good(program)?;
+        let (bar, heard) = (bar("cases", self.cases), Mutex::new((found, Vec::new())));
+        (0..self.cases).into_par_iter().try_for_each(|number| {
             let kind = Kind::of(number);
-            let Verdict(outcome, words) = verdict;
+            let Verdict(outcome, words) = judge(program, &kind.make(self.seed, number, &files))?;
+            let (found, faults) = &mut *heard.lock().unwrap_or_else(PoisonError::into_inner);
             found.cases.entry(kind.name().into()).or_default()[outcome as usize] += 1;
             if outcome > Outcome::Accepted {
-                found.faults.push(format!("case {number} ({}): {}: {words}", kind.name(), outcome.name()));
-                faults.push((number, kind, outcome));
+                faults.push((number, outcome, words));
             }
-            done += 1;
-            bar.set(done);
+            bar.add(1);
+            Ok::<_, Error>(())
         })?;
         bar.finish();
-        let files = files::read(good.path())?;
-        for (number, kind, outcome) in faults.into_iter().take(KEPT) {
-            let mut case = kind.make(self.seed, number, &files);
-            case.files.retain(|name, bytes| files.get(name) != Some(bytes));
-            case.files.insert("line.txt".into(), case.line.into());
-            files::write(&self.faults.join(format!("{}-{}-{number}", kind.name(), outcome.name().replace(' ', "-"))), &case.files)?;
+        let (found, mut faults) = heard.into_inner().unwrap_or_else(PoisonError::into_inner);
+        faults.sort_by_key(|(number, ..)| *number);
+        for (k, (number, outcome, words)) in faults.into_iter().enumerate() {
+            let (kind, outcome) = (Kind::of(number), outcome.name());
+            found.faults.push(format!("case {number} ({}): {outcome}: {words}", kind.name()));
+            if k < KEPT {
+                let mut case = kind.make(self.seed, number, &files);
+                case.files.retain(|name, bytes| files.get(name) != Some(bytes));
+                case.files.insert("line.txt".into(), case.line.into());
+                files::write(&self.faults.join(format!("{}-{}-{number}", kind.name(), outcome.replace(' ', "-"))), &case.files)?;
+            }
         }
         Ok(())
     }
 }
 
-/// Tries the corpus in this process: how many cases it has, and those that did not end as they should.
-pub fn replay(call: Call) -> Result<(usize, Vec<String>)> {
-    let (good, here) = (files::scratch()?, files::scratch()?);
-    bench::build(&std::env::current_exe()?, good.path())?;
-    let (files, entries) = (files::read(good.path())?, corpus::entries()?);
-    std::env::set_current_dir(here.path())?;
-    nerd_train::progress::quiet();
-    crew::keep_panics();
-    let wrong = entries.iter().map(|entry| Ok(entry.wrong(&crew::caught(&entry.case(&files)?, call)?)));
+/// Good files, made with the program itself.
+fn good(program: &Path) -> Result<files::Files> {
+    let folder = files::scratch()?;
+    bench::build(program, folder.path())?;
+    files::read(folder.path())
+}
+
+/// Tries the corpus: how many cases it has, and those that did not end as they should.
+pub fn replay() -> Result<(usize, Vec<String>)> {
+    let (program, entries) = (std::env::current_exe()?, corpus::entries()?);
+    let files = good(&program)?;
+    let wrong = entries.par_iter().map(|entry| Ok(entry.wrong(&judge(&program, &entry.case(&files)?)?)));
     Ok((entries.len(), wrong.collect::<Result<Vec<_>>>()?.into_iter().flatten().collect()))
 }

@@ -1,9 +1,8 @@
-//! Changes of good text, by `mutatis`: of its numbers, its words, stretches of it, its bytes. The same seed makes the same changes.
+//! Changes of good text: of its numbers, its words, stretches of it, its bytes. The same dice make the same changes.
 
-use mutatis::{Candidates, Context, Generate, Mutate, Result, Session, mutators as m};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng as Dice;
 
-/// How often a word becomes one of the dictionary, beside the twelve numbers that `mutatis` has for a number.
-const OFTEN: u32 = 6;
 /// Longest stretch that is copied or goes, in words and what is between them.
 const STRETCH: usize = 60;
 
@@ -22,15 +21,12 @@ impl Dictionary {
     }
 
     /// Changes a text up to four times, or not at all; sometimes its bytes, whatever they mean.
-    pub fn change(&self, session: &mut Session, bytes: &mut Vec<u8>) {
-        let times = [0, 1, 1, 1, 1, 2, 2, 4][dice(session, 8)];
-        match std::str::from_utf8(bytes) {
-            Ok(text) if dice(session, 16) > 0 => {
-                let mut words = self.split(text);
-                (0..times).for_each(|_| session.mutate_with(&mut Text(self), &mut words).unwrap_or_default());
-                *bytes = words.concat().into_bytes();
+    pub fn change(&self, dice: &mut Dice, bytes: &mut Vec<u8>) {
+        for _ in 0..[0, 1, 1, 1, 1, 2, 2, 4][dice.random_range(0..8)] {
+            match std::str::from_utf8(bytes) {
+                Ok(text) if dice.random_range(0..16) > 0 => *bytes = self.changed(dice, self.split(text)).into_bytes(),
+                _ => byte(dice, bytes),
             }
-            _ => (0..times).for_each(|_| session.mutate(bytes).unwrap_or_default()),
         }
     }
 
@@ -45,65 +41,55 @@ impl Dictionary {
         }
         words
     }
-}
 
-/// A number below a bound.
-pub fn dice(session: &mut Session, below: usize) -> usize {
-    session.generate::<u32>().map_or(0, |n| n as usize % below)
-}
-
-/// A stretch copied or gone, an early end, a word more; else what `mutatis` does with a list of words.
-struct Text<'a>(&'a Dictionary);
-
-impl Mutate<Vec<String>> for Text<'_> {
-    fn mutate(&mut self, c: &mut Candidates, text: &mut Vec<String>) -> Result<()> {
-        c.mutation_group(text.len() as u32, |ctx, k| {
-            let [a, b, n] = [text.len(), text.len(), STRETCH].map(|below| ctx.rng().gen_index(below).unwrap_or(0));
-            let stretch = a..(a + 1 + n).min(text.len());
-            match k % 4 {
-                0 => {
-                    let copy = text[stretch].to_vec();
-                    text.splice(b..b, copy);
-                }
-                1 => drop(text.drain(stretch)),
-                2 => text.truncate(a),
-                _ => text.insert(a, Word(self.0).generate(ctx)?),
+    fn changed(&self, dice: &mut Dice, mut text: Vec<String>) -> String {
+        let other = self.words[dice.random_range(0..self.words.len())].clone();
+        if text.is_empty() {
+            return other;
+        }
+        let [a, b] = [(); 2].map(|()| dice.random_range(0..text.len()));
+        let stretch = a..(a + 1 + dice.random_range(0..STRETCH)).min(text.len());
+        match dice.random_range(0..12) {
+            0 => {
+                let copy = text[stretch].to_vec();
+                text.splice(b..b, copy);
             }
-            Ok(())
-        })?;
-        m::vec(Word(self.0)).mutate(c, text)
+            1 => drop(text.drain(stretch)),
+            2 => text.truncate(a),
+            3 => text.insert(a, other),
+            4 => text.swap(a, b),
+            _ => {
+                let own = |w: &&mut String| w.starts_with(|c: char| c.is_alphanumeric() || "-.".contains(c)) && !w.starts_with("--");
+                if let Some(word) = text[a..].iter_mut().find(own) {
+                    *word = self.word(dice, word, &other);
+                }
+            }
+        }
+        text.concat()
+    }
+
+    /// Another word, or another number.
+    fn word(&self, dice: &mut Dice, word: &str, other: &str) -> String {
+        let u: f64 = dice.random();
+        match (word.parse::<f64>(), dice.random_range(0..8)) {
+            (Ok(x), 0..2) if !self.spaced => format!("{:?}", (0.5 + u) * x),
+            (Ok(x), 2..4) if !self.spaced => format!("{:?}", 10f64.powf(12.0 * u - 6.0) * x),
+            (Ok(x), 4) if !self.spaced => format!("{:?}", -x),
+            (Ok(_), 5) if !self.spaced => format!("{:?}", f64::from_bits(dice.random())),
+            _ => other.into(),
+        }
     }
 }
 
-struct Word<'a>(&'a Dictionary);
-
-impl Mutate<String> for Word<'_> {
-    fn mutate(&mut self, c: &mut Candidates, word: &mut String) -> Result<()> {
-        if !word.starts_with(|c: char| c.is_alphanumeric() || "-.".contains(c)) || word.starts_with("--") {
-            return Ok(());
-        }
-        c.mutation_group(OFTEN, |ctx, _| {
-            *word = self.generate(ctx)?;
-            Ok(())
-        })?;
-        let Some(mut x) = word.parse::<f64>().ok().filter(|_| !self.0.spaced) else { return Ok(()) };
-        c.mutation_group(2 * OFTEN, |ctx, k| {
-            let u = ctx.rng().gen_f64();
-            let new = [0.5 + u, -1.0, 10f64.powf(12.0 * u - 6.0)][k as usize % 3] * x;
-            *word = format!("{new:?}");
-            Ok(())
-        })?;
-        let changed = m::f64().mutate(c, &mut x);
-        if changed.is_err() {
-            *word = format!("{x:?}");
-        }
-        changed
-    }
-}
-
-impl Generate<String> for Word<'_> {
-    fn generate(&mut self, ctx: &mut Context) -> Result<String> {
-        Ok(ctx.rng().choose(&self.0.words).cloned().unwrap_or_default())
+/// Changes a byte, or ends the bytes early.
+pub fn byte(dice: &mut Dice, bytes: &mut Vec<u8>) {
+    let (at, new) = (dice.random_range(0..=bytes.len()), dice.random());
+    match (dice.random_range(0..16), bytes.get_mut(at)) {
+        (0, _) => bytes.truncate(at),
+        (1..4, Some(_)) => drop(bytes.remove(at)),
+        (4..8, Some(old)) => *old = new,
+        (8..12, Some(old)) => *old ^= 1 << (new % 8),
+        _ => bytes.insert(at, new),
     }
 }
 
