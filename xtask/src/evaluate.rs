@@ -45,9 +45,6 @@ pub fn run(args: EvaluateArgs) -> Result<()> {
         Ok((file, motions::passive(&args.robot, scene, folder, asked.frames.unwrap_or(300), asked.seed)?))
     });
     let replay = replay.transpose()?;
-    if asked.control {
-        say!("control: the truth against itself; anything but 0 is a fault of the program\n");
-    }
     let passive = Passive::new(&name, &[Case { robot: args.robot, solver, truth: args.solver.truth, asked }])?;
     match folder {
         Some(folder) => drop(conduct(&passive, &folder)?),

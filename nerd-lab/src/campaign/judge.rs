@@ -89,9 +89,7 @@ pub fn judge(program: &Path, case: &Case) -> Result<Verdict> {
             Ok(()) => (Outcome::Accepted, String::new()),
             Err(words) => (if words.contains(NOT_FINITE) { Outcome::NotFinite } else { Outcome::Untidy }, words),
         },
-        Some(Some(REFUSED)) if words.is_empty() || words.len() > WORDS => {
-            (Outcome::Untidy, format!("a refusal of {} bytes", words.len()))
-        }
+        Some(Some(REFUSED)) if words.is_empty() || words.len() > WORDS => (Outcome::Untidy, format!("a refusal of {} bytes", words.len())),
         Some(Some(REFUSED)) if !left.is_empty() || case.before.is_empty() && here.join("out").exists() => {
             (Outcome::Untidy, format!("a refusal left {left:?}: {words}"))
         }

@@ -3,7 +3,7 @@
 //! Mean over every step and every trajectory of the absolute difference by coordinate, from the robot's reset law, without
 //! torques; beside it the floor `hold`, the paper's figure and the count of diverged rollouts. A paper-size
 //! network takes some half a millisecond an environment-frame on two cores if it recomputes windows, a tenth of that if it
-//! streams. The truth against itself is 0 everywhere and is asked for by name, as `control`.
+//! streams.
 
 mod rows;
 mod worth;
@@ -36,8 +36,6 @@ settings! {
         /// Noise (rad/s or m/s) on all velocities after every frame of the solver: with the truth itself, how far the motion's own
         /// sensitivity drives apart what differs a little
         shake: f64 = 0.0, Number(0.0..=1e3);
-        /// Compare the truth with itself: every error must be 0
-        control: bool = false, Flag;
         /// Starts from which a model is judged beside its base alone, a linear map and the analytic solver, on one core of the CPU; 0: it
         /// is not judged
         verdict: usize = 32, Whole(0..=*STARTS.end());
@@ -113,7 +111,6 @@ impl Passive {
             };
             let protocol = PassiveConfig { starts, steps, seed, action };
             let method = match case.asked.shake {
-                _ if case.asked.control => format!("{}, control", case.solver.title(&system)?),
                 0.0 => case.solver.title(&system)?,
                 by => format!("{}, shaken by {by}", case.solver.title(&system)?),
             };
@@ -149,19 +146,16 @@ impl Passive {
 
 /// Refuses what says nothing, and what is more than can be borne.
 fn check(case: &Case, truth: Truth, system: &System, scene: &Scene, steps: usize) -> Result<()> {
-    let (itself, Protocol { starts, shake, control, drive, limp, .. }) = (case.solver.is(truth, system, scene), case.asked.clone());
+    let (itself, Protocol { starts, shake, drive, limp, .. }) = (case.solver.is(truth, system, scene), case.asked.clone());
     if limp && drive != 0.0 {
         bail!("--limp means nothing beside --drive");
     }
-    if itself && shake == 0.0 && !control {
+    if itself && shake == 0.0 {
         bail!(
             "`{}` against itself is 0 everywhere; name what to measure: --solver neural or rapier, --preset, --friction or --substeps, \
-             --tolerance, --shake; or --control for the zeros",
+             --tolerance, --shake",
             truth.name()
         );
-    }
-    if control && (!itself || shake > 0.0) {
-        bail!("--control holds the truth `{}` against itself: leave out what names or shakes another solver", truth.name());
     }
     // Two batches with what their solvers keep, sums over steps, working memory of the truth.
     let bytes = case.solver.bytes()?.saturating_add(1024 * system.robot.state_dim());
@@ -183,7 +177,7 @@ impl Asked {
         bounds::figures(&whose("hold-last error"), &report.hold)?;
         let (robot, scene) = (system.name.clone(), scene.name.clone());
         // Only solvers' errors are compared, and the paper's errors are from the reference simulator.
-        let paper = paper::passive_error(&robot, &scene).filter(|_| *truth == Truth::Paper && !case.asked.control);
+        let paper = paper::passive_error(&robot, &scene).filter(|_| *truth == Truth::Paper);
         let model = if let Choice::Neural { folder, .. } = &case.solver { Some(shipped::from_root(folder)) } else { None };
         Ok(Row { robot, method: method.clone(), model, scene, truth: truth.name(), protocol: *protocol, report, paper, verdict: None })
     }
