@@ -1,6 +1,7 @@
 // Before and after the network, as features.rs and frame.rs have it: contacts and the token of a frame; then the state that lies a
 // prediction from the state before. Sizes and tables come from the host: INPUTS of a token, LDX numbers from one to the next, SITUATED,
-// MOVING, FRAME_TIME, NEAR, TRAPEZOID, SEEN (threshold of a contact point), MEAN, SCALE and RATE (its inverse) of a token, SHIFT and STRETCH of a prediction.
+// MOVING, FRAME_TIME, NEAR, TRAPEZOID, SEEN (threshold of a contact point), WAVES (sines and cosines of a joint at the end
+// of a token), MEAN, SCALE and RATE (its inverse) of a token, SHIFT and STRETCH of a prediction.
 
 constexpr int STATE = NQ + NV;
 
@@ -26,15 +27,18 @@ FN real gap(const Event& e, int p, V3 speed, int ahead) {
     return e.distance - RADIUS[p] + (ahead ? (real)FRAME_TIME * dot(e.normal, speed) : 0);
 }
 
+FN V3 column(const M3& a, int k) { return v3(a.m[k], a.m[3 + k], a.m[6 + k]); }
+
 // Writes number k of a token, normalised.
 FN void put(float* token, int k, double x) { token[k] = (float)(((real)(float)x - MEAN[k]) * RATE[k]); }
 FN void put(float* token, int k, V3 v) { put(token, k, v.x); put(token, k + 1, v.y); put(token, k + 2, v.z); }
 
-// Where a token has contact points' normals, places, distances, speeds and nearness, and what follows.
+// Where a token has contact points' normals, places, distances, speeds and nearness, torques and gravity, links' axes, and what follows.
 constexpr int NORMALS = STATE, PLACES = NORMALS + 3 * NP, DEPTHS = PLACES + 3 * NP, SPEEDS = DEPTHS + NP;
-constexpr int NEARS = SPEEDS + 3 * NP, AFTER = MOVING ? NEARS + 2 * NP : SPEEDS;
+constexpr int NEARS = SPEEDS + 3 * NP, TORQUES = MOVING ? NEARS + 2 * NP : SPEEDS;
+constexpr int AXES = TORQUES + NJ + (SITUATED ? 3 : 0), ENDS = AXES + (SITUATED && MOVING ? 6 * (NL - 1) : 0);
 
-// The token of a frame; by `lanes` threads each some contact points, and by the first the rest.
+// The token of a frame; by `lanes` threads each some contact points and links, and by the first the rest.
 BIG void tell(const double* state, const double* tau, const double* scene, float* token, int lane = 0, int lanes = 1) {
     Work w;
     Tree& t = w.tree;
@@ -62,27 +66,31 @@ BIG void tell(const double* state, const double* tau, const double* scene, float
         put(token, SPEEDS + 3 * p, back(r, speed));
         for (int ahead = 0; ahead < 2; ahead++) put(token, NEARS + ahead * NP + p, seen ? nearness(gap(e, p, speed, ahead)) : (real)1);
     }
+    for (int i = 1 + lane; SITUATED && MOVING && i < NL; i += lanes)
+        for (int k = 0; k < 2; k++) put(token, AXES + 6 * (i - 1) + 3 * k, back(r, column(t.rotation[i], k)));
     if (lane) return;
     for (int k = 0; DOFS && k < 7; k++) put(token, k, k == 6);
     const int joints = DOFS ? 7 : 0, speeds = joints + NJ + (DOFS ? 6 : 0);
     for (int i = 0; i < NJ; i++) {
         const double q = state[COORDS + i];
-        put(token, joints + i, MOVING && WRAPS[i] ? sin(q) : SITUATED && WRAPS[i] ? wrapped(q) : q);
+        put(token, joints + i, WAVES[i] == 1 ? sin(q) : SITUATED && WRAPS[i] ? wrapped(q) : q);
         put(token, speeds + i, state[NQ + DOFS + i]);
-        put(token, AFTER + i, tau[i]);
+        put(token, TORQUES + i, tau[i]);
     }
     if (DOFS) {
         put(token, joints + NJ, back(r, v3(t.qd[0], t.qd[1], t.qd[2])));
         put(token, joints + NJ + 3, back(r, v3(t.qd[3], t.qd[4], t.qd[5])));
     }
-    int k = AFTER + NJ;
     if (SITUATED) {
         const V3 g = v3((real)scene[0], (real)scene[1], (real)scene[2]);
         const real length = norm(g);
-        put(token, k, back(r, g * (1 / (length > 0 ? length : 1))));
-        k += 3;
+        put(token, TORQUES + NJ, back(r, g * (1 / (length > 0 ? length : 1))));
     }
-    for (int i = 0; i < NJ; i++) if (MOVING && WRAPS[i]) put(token, k++, cos(state[COORDS + i]));
+    int k = ENDS;
+    for (int i = 0; i < NJ; i++) {
+        if (WAVES[i] == 2) put(token, k++, sin(state[COORDS + i]));
+        if (WAVES[i]) put(token, k++, cos(state[COORDS + i]));
+    }
     for (; k < LDX; k++) token[k] = 0;
 }
 
