@@ -20,11 +20,11 @@ const TURN: usize = 16 * AHEAD;
 
 /// The network that a program is (`program/networks.rs`), if it is residual and the kernel has room for it.
 fn shape(program: &Program) -> Option<TransformerConfig> {
-    let ([first, .., hidden, _], blocks) = (&program.steps[..], program.steps.len().checked_sub(6)?) else { return None };
-    let [inputs, e, head, outputs] = [Slot(0), first.to, hidden.to, program.predictions()].map(|slot| program.width(slot));
+    let (e, blocks) = (program.width(program.steps.first()?.to), program.steps.len().checked_sub(3)?);
+    let [inputs, outputs] = [Slot(0), program.predictions()].map(|slot| program.width(slot));
     let (layers, architecture) = (blocks / 4, Architecture::Residual);
-    let shape = TransformerConfig { layers, head, architecture, ..TransformerConfig::paper(inputs, outputs, e) };
-    let fits = e.is_multiple_of(8 * WARPS) && e <= 256 && head.max(outputs) <= e && layers > 0;
+    let shape = TransformerConfig { layers, architecture, ..TransformerConfig::paper(inputs, outputs, e) };
+    let fits = e.is_multiple_of(8 * WARPS) && e <= 256 && outputs <= e && layers > 0;
     (fits && shape.program() == *program).then_some(shape)
 }
 
@@ -37,7 +37,7 @@ pub fn held_in_f16(program: &Program, flat: &[f32]) -> bool {
 
 /// The kernel, of a network that it has room for.
 pub(super) fn residual(program: &Program) -> Option<Whole> {
-    let TransformerConfig { inputs, outputs, embedding: e, layers, head, .. } = shape(program)?;
+    let TransformerConfig { inputs, outputs, embedding: e, layers, .. } = shape(program)?;
     let taken = inputs.next_multiple_of(TURN);
     // What is normed, what is active twice, and sums of rows twice.
     let x = taken.max(e) + 8;
@@ -52,7 +52,6 @@ pub(super) fn residual(program: &Program) -> Option<Whole> {
         ("TAKEN", taken),
         ("E", e),
         ("LAYERS", layers),
-        ("HEAD", head.next_multiple_of(TURN)),
         ("OUTPUTS", outputs),
         ("FLOATS", floats),
     ];
@@ -75,11 +74,14 @@ fn packed(program: &Program, flat: &[f32]) -> Vec<f32> {
     while let Some((shape, x)) = tensors.next() {
         match (shape, tensors.peek()) {
             ([_], _) => vectors.extend(x.iter().copied().chain(std::iter::repeat(0.0)).take(e)),
-            // Up and down by turns: so many hidden units at a time.
-            ([rows, wide], Some(([inner, _], down))) if *wide == 4 * e && inner == wide => {
-                for k in 0..4 {
-                    pack(&mut words, x, [*rows, *wide], k * e, e, f16::from_f32);
-                    pack(&mut words, &down[k * e * e..][..e * e], [e, e], 0, e, f16::from_f32);
+            // Hidden units by turns, E at a time: of each the two numbers whose product it is side by side, then what it adds to the stream.
+            ([rows, wide], Some(([inner, _], down))) if *wide == 6 * e && *inner == 3 * e => {
+                for k in 0..3 {
+                    for first in [k * e, k * e + e / 2] {
+                        let column = |c: usize| first + c / 2 + c % 2 * inner;
+                        pack(&mut words, *rows, e, |row, c| f16::from_f32(x[row * wide + column(c)]));
+                    }
+                    pack(&mut words, e, e, |row, c| f16::from_f32(down[(k * e + row) * e + c]));
                 }
                 tensors.next();
             }
@@ -87,7 +89,7 @@ fn packed(program: &Program, flat: &[f32]) -> Vec<f32> {
             // leaves of a row.
             ([rows, columns], _) => {
                 for part in [f16::from_f32, |x| f16::from_f32(x - f16::from_f32(x).to_f32()), f16::from_f32] {
-                    pack(&mut words, x, [*rows, *columns], 0, e, part);
+                    pack(&mut words, *rows, e, |row, c| if c < *columns { part(x[row * columns + c]) } else { f16::ZERO });
                 }
             }
             _ => {}
@@ -97,14 +99,13 @@ fn packed(program: &Program, flat: &[f32]) -> Vec<f32> {
     [words, vectors].concat()
 }
 
-/// E columns of a matrix from column `first` on, as lanes of mma.m16n8k16 hold them: by step, tile of eight columns and lane two pairs of rows, eight
-/// rows apart.
-fn pack(words: &mut Vec<f32>, x: &[f32], [rows, columns]: [usize; 2], first: usize, e: usize, part: fn(f32) -> f16) {
-    let at = |row: usize, c: usize| if row < rows && c < columns { part(x[row * columns + c]).to_bits() } else { 0 };
+/// E columns of a matrix as lanes of mma.m16n8k16 hold them: by step, tile of eight columns and lane two pairs of rows, eight rows apart.
+fn pack(words: &mut Vec<f32>, rows: usize, e: usize, x: impl Fn(usize, usize) -> f16) {
+    let at = |row: usize, c: usize| if row < rows { u32::from(x(row, c).to_bits()) } else { 0 };
     for (step, tile, lane) in
         (0..rows.next_multiple_of(TURN) / 16).flat_map(|s| (0..e / 8).flat_map(move |t| (0..32).map(move |l| (s, t, l))))
     {
-        let (row, c) = (16 * step + 2 * (lane % 4), first + 8 * tile + lane / 4);
-        words.extend([row, row + 8].map(|row| f32::from_bits(u32::from(at(row, c)) | u32::from(at(row + 1, c)) << 16)));
+        let (row, c) = (16 * step + 2 * (lane % 4), 8 * tile + lane / 4);
+        words.extend([row, row + 8].map(|row| f32::from_bits(at(row, c) | at(row + 1, c) << 16)));
     }
 }

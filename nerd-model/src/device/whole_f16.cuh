@@ -2,10 +2,10 @@
 // mantissa, as TF32's), sums f32. Every matrix is E columns wide, narrower ones padded, and each warp has E / WARPS columns of all rows: it alone
 // reads those weights, once, in the order in which residual.rs packs them, AHEAD steps of sixteen inner numbers before they are needed.
 
-constexpr int WIDE = 4;                                   // hidden units by E
+constexpr int WIDE = 3;                                   // hidden units by E
 constexpr int TILES = E / 8 / WARPS, BANDS = ROWS / 16;   // tiles of mma.m16n8k16: of a warp's columns, of all rows
 constexpr int LX = (TAKEN > E ? TAKEN : E) + 8, LH = E + 8;   // from a row to the next, so that eight rows are in different banks
-constexpr int STEPS = (3 * (TAKEN + 2 * E + HEAD) + 2 * WIDE * LAYERS * E) / 16;
+constexpr int STEPS = 3 * (TAKEN + (1 + WIDE * LAYERS) * E) / 16;
 
 typedef unsigned short half;
 struct Two { unsigned x, y; };
@@ -21,6 +21,7 @@ FN void put(half* to, float a, float b) {
     asm("cvt.rn.f16x2.f32 %0, %1, %2;" : "=r"(both) : "f"(b), "f"(a));
     *(unsigned*)to = both;
 }
+FN void put(half* to, float x) { asm("cvt.rn.f16.f32 %0, %1;" : "=h"(*to) : "f"(x)); }
 FN float rest(float x) {
     float near;
     asm("{ .reg .b16 h; cvt.rn.f16.f32 h, %1; cvt.f32.f16 %0, h; }" : "=f"(near) : "f"(x));
@@ -107,6 +108,7 @@ FN float value(half h) {
     const float size = e == 31 ? (m ? NAN : INFINITY) : std::ldexp((float)(e ? m + 1024 : m), (e ? e : 1) - 25);
     return h >> 15 ? -size : size;
 }
+FN void put(half* to, float x) { *to = rounded(x); }
 FN void put(half* to, float a, float b) { to[0] = rounded(a); to[1] = rounded(b); }
 FN float rest(float x) { return x - value(rounded(x)); }
 
@@ -127,8 +129,6 @@ template <int N, int LD> FN void product(const half* x, Weights& w, Sum& sum) {
 }
 #endif
 
-FN float relu(float x) { return x < 0 ? 0 : x; }
-
 // The same nearly in f32: rows and matrix are sums of f16 and what that leaves, whose product with each other is left out. Then all may write rows.
 template <int N> FN void exact(const half* x, const half* left, Weights& w, Sum& sum) {
 #pragma unroll 1
@@ -147,11 +147,6 @@ FN void fill(Sum& sum, const float* bias) {
 FN void put(half* to, half* left, float a, float b) {
     put(to, a, b);
     if (left) put(left, rest(a), rest(b));
-}
-
-template <float (*F)(float), int LD> FN void store(Sum& sum, half* y, half* left) {
-    each(sum, [&](int, int row, int c, float& a, float& b) { put(y + row * LD + c, left ? left + row * LD + c : 0, F(a), F(b)); });
-    SYNC;
 }
 
 // Sums of f over each row, of all warps.
@@ -214,21 +209,20 @@ FN void pass(const float* w, const float* tokens, float* out, float* s, int rows
         for (int k = 0; k < WIDE; k++) {
             // Where the last but one was, which all have read.
             half* here = h + k % 2 * ROWS * LH;
-            fill(wide, 0);
-            product<E / 16, LX>(x, weights, wide);
-            store<gelu, LH>(wide, here, 0);
+#pragma unroll 1
+            for (int part = 0; part < 2; part++) {
+                fill(wide, 0);
+                product<E / 16, LX>(x, weights, wide);
+                // Side by side are the two halves of a hidden unit.
+                each(wide, [&](int, int row, int c, float& a, float& b) { put(here + row * LH + (part * E + c) / 2, gelu(a) * b); });
+            }
+            SYNC;
             product<E / 16, LH>(here, weights, stream);
         }
     }
     norm(stream, vectors += E, parts, x, h);
-    fill(wide, 0);
-    exact<E / 16>(x, h, weights, wide);
-    store<same, LX>(wide, x, h);
     fill(wide, vectors += E);
     exact<E / 16>(x, h, weights, wide);
-    store<relu, LX>(wide, x, h);
-    fill(wide, vectors += E);
-    exact<HEAD / 16>(x, h, weights, wide);
     each(wide, [&](int, int row, int c, float& a, float& b) {
         if (row < rows && c < OUTPUTS) out[row * OUTPUTS + c] = a;
         if (row < rows && c + 1 < OUTPUTS) out[row * OUTPUTS + c + 1] = b;
