@@ -138,18 +138,15 @@ pub fn paces(checks: &mut Checks) -> Outcome {
         let mut solver = resident(&setting, &ant, Real::F32, precision)?;
         let mut microseconds = |mut batch: Batch| {
             // Kernels are compiled, and a frame is captured.
-            let _ = solver.roll(&mut batch, &idle, 2);
+            solver.roll(&mut batch, &idle, 2)?;
             let began = Instant::now();
-            let _ = solver.roll(&mut batch, &idle, FRAMES);
-            began.elapsed().as_secs_f64() * 1e6 / FRAMES as f64
+            solver.roll(&mut batch, &idle, FRAMES)?;
+            Ok::<_, StepError>(began.elapsed().as_secs_f64() * 1e6 / FRAMES as f64)
         };
-        // Where no environment can be stepped the kernels around the network end at once.
-        let mut none = many.clone();
-        none.states.fill(f64::NAN);
-        let [all, network] = [many.clone(), none].map(&mut microseconds);
+        let all = microseconds(many.clone())?;
         println!(
-            "   {precision:?}: {:.2} M frames/s of {n} environments, {all:.0} us a frame, {network:.0} of them the network; predictions {:.1e} from \
-             the CPU's in the root mean square, {most:.1e} at most, in units of a change's spread",
+            "   {precision:?}: {:.2} M frames/s of {n} environments, {all:.0} us a frame; predictions {:.1e} from the CPU's in the root mean square, \
+             {most:.1e} at most, in units of a change's spread",
             n as f64 / all,
             errors.last().copied().unwrap_or(f64::NAN),
         );
