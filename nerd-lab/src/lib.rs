@@ -16,7 +16,6 @@ pub mod mujoco;
 pub mod page;
 pub mod paper;
 mod prelude;
-mod python;
 pub mod report;
 mod roll;
 pub mod survey;

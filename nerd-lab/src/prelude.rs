@@ -3,7 +3,7 @@
 pub(crate) use std::path::{Path, PathBuf};
 pub(crate) use std::sync::Arc;
 
-pub(crate) use anyhow::{Context, Error, Result, bail};
+pub(crate) use anyhow::{Error, Result, bail};
 pub(crate) use nerd_model::folder::{Model, ModelConfig};
 pub(crate) use nerd_model::pick::Setting;
 pub(crate) use nerd_sim::prelude::*;

@@ -11,16 +11,10 @@ pub struct UrdfArgs {
     /// Files, or folders to be searched for .urdf
     #[arg(required = true)]
     pub paths: Vec<PathBuf>,
-    /// A Python with Pinocchio (PyPI: pin): the dynamics are compared with its own
-    #[arg(long, value_name = "PYTHON", conflicts_with = "stand")]
-    pub pinocchio: Option<PathBuf>,
-    /// With --pinocchio: random states of each robot
-    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..=10_000))]
-    pub states: u64,
     /// Instead: what each does in ten seconds, a free one on a plane: joints held by drives, and without
     #[arg(long)]
     pub stand: bool,
-    /// Folder to write the tables into
+    /// Folder to write the table into
     #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
 }
@@ -34,10 +28,11 @@ pub fn run(args: UrdfArgs) -> Result<()> {
         bail!("no .urdf in {}", args.paths.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", "));
     }
     let n = files.len();
-    let (name, effort, (tables, notes)) = match args.stand {
-        true => ("standing", n as f64 * STANDING, (vec![standing(&files)], Vec::new())),
-        false => ("urdfs", n as f64, read(&files, args.pinocchio.as_deref().map(|python| (python, args.states as usize)))?),
+    let (name, effort, (table, notes)) = match args.stand {
+        true => ("standing", n as f64 * STANDING, (standing(&files), Vec::new())),
+        false => ("urdfs", n as f64, read(&files)),
     };
+    let tables = vec![table];
     crate::out::tables(&tables);
     notes.iter().for_each(|note| tell!("{note}"));
     let Some(out) = args.out else { return Ok(()) };

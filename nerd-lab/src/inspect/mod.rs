@@ -1,6 +1,5 @@
-//! What a learner will see of a data set on the disk: how often anything is seen and touched, how often an angle wraps, which
-//! trajectories no learner should see, and range, mean and spread of every column; of contact points only where the mask lets them
-//! through. The tokens are those that training makes, not normalised.
+//! What a learner will see of a data set on the disk: how often anything touches, which trajectories no learner should
+//! see, and range, mean and spread of every column; of contact points only where the mask lets them through. The tokens are those that training makes, not normalised.
 
 mod columns;
 
@@ -31,12 +30,8 @@ pub struct Counts {
     pub beyond: u64,
     /// Transitions of the others, which is tokens.
     pub tokens: u64,
-    /// Tokens with a point that the mask lets through, and with one that touches.
-    pub tokens_near: [u64; 2],
-    /// Such points over all tokens.
-    pub points_near: [u64; 2],
-    /// Transitions in which each endless joint's angle wraps.
-    pub wraps: Vec<(String, u64)>,
+    /// Tokens with a point that touches.
+    pub touching: u64,
 }
 
 impl Inspection {
@@ -50,11 +45,12 @@ impl Inspection {
         for (k, name) in manifest.shards.iter().enumerate() {
             let recording = manifest.shard(folder, name, system)?;
             let kept = counts.sift(&recording, bound);
-            counts.take(system, &recording, &kept);
             let windows = tokens(system, &recording, 1, Base::State);
             let rows = windows.x.chunks_exact(windows.inputs).zip(windows.y.chunks_exact(windows.outputs)).enumerate();
             for (row, (x, y)) in rows.filter(|(row, _)| kept[row / recording.frames]) {
-                let depths = &recording.depths[row * points.len()..];
+                let depths = &recording.depths[row * points.len()..][..points.len()];
+                counts.tokens += 1;
+                counts.touching += u64::from(depths.iter().zip(points).any(|(depth, point)| *depth < point.radius));
                 for (x, (kind, contact)) in x.iter().chain(y).zip(&places) {
                     if contact.is_none_or(|point| depths[point] < points[point].threshold()) {
                         kinds[*kind].add(f64::from(*x));
@@ -87,16 +83,9 @@ impl Inspection {
             row("trajectories not finite, left out".into(), counts.not_finite, counts.trajectories),
             row(format!("trajectories beyond {bound}, left out"), counts.beyond, counts.trajectories),
         ];
-        let points = counts.tokens * kinds.iter().filter(|kind| kind.name == "contact depths").map(|kind| kind.columns as u64).sum::<u64>();
-        if points > 0 {
-            for (k, [one, all]) in [["within its mask", "within their masks"], ["that touches", "that touch"]].into_iter().enumerate() {
-                rows.push(row(format!("tokens with a point {one}"), counts.tokens_near[k], counts.tokens));
-                rows.push(row(format!("points {all}"), counts.points_near[k], points));
-            }
+        if kinds.iter().any(|kind| kind.name == "contact depths") {
+            rows.push(row("tokens with a point that touches".into(), counts.touching, counts.tokens));
         }
-        rows.extend(
-            counts.wraps.iter().map(|(joint, n)| row(format!("transitions in which the angle of `{joint}` wraps"), *n, counts.tokens)),
-        );
         let (targets, inputs): (Vec<_>, Vec<_>) = kinds.iter().partition(|kind| kind.name.starts_with('\u{394}'));
         let [inputs, targets] = [inputs, targets].map(|kinds| kinds.iter().map(|kind| kind.columns).sum::<usize>());
         let constant = kinds.iter().filter(|kind| kind.count > 0 && kind.constant()).map(|kind| kind.name.as_str()).collect::<Vec<_>>();
@@ -135,33 +124,5 @@ impl Counts {
             finite && !beyond
         };
         (0..n).map(look).collect()
-    }
-
-    fn take(&mut self, system: &System, recording: &Recording, kept: &[bool]) {
-        let (f, robot) = (recording.frames, &system.robot);
-        let (d, points) = (robot.state_dim(), robot.contact_points.len());
-        let endless: Vec<(usize, &str)> =
-            robot.joints().enumerate().filter(|(_, j)| j.wraps()).map(|(i, j)| (robot.root_coords() + i, j.name.as_str())).collect();
-        if self.wraps.is_empty() {
-            self.wraps = endless.iter().map(|(_, name)| (name.to_string(), 0)).collect();
-        }
-        for row in (0..recording.trajectories * f).filter(|row| kept[row / f]) {
-            self.tokens += 1;
-            let near = recording.depths[row * points..(row + 1) * points].iter().zip(&robot.contact_points);
-            let mut met = [0, 0];
-            for (depth, point) in near {
-                met[0] += u64::from(*depth < point.threshold());
-                met[1] += u64::from(*depth < point.radius);
-            }
-            for (k, met) in met.into_iter().enumerate() {
-                self.points_near[k] += met;
-                self.tokens_near[k] += u64::from(met > 0);
-            }
-            let at = (row / f * (f + 1) + row % f) * d;
-            for ((k, _), (_, wraps)) in endless.iter().zip(&mut self.wraps) {
-                let turn = recording.states[at + d + k] - recording.states[at + k];
-                *wraps += u64::from(turn.abs() > std::f64::consts::PI);
-            }
-        }
     }
 }

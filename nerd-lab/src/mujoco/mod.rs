@@ -1,5 +1,6 @@
 //! MuJoCo as a referee and as a solver, for those who have one: a Python with MuJoCo is started when asked for.
 
+mod python;
 mod referee;
 mod solver;
 mod state;

@@ -4,9 +4,9 @@
 use nerd_core::robot::Robot;
 use nerd_sim::mjcf::mjcf;
 
+use super::python::Python;
 use super::state::{from_mujoco, to_mujoco};
 use crate::prelude::*;
-use crate::python::{Python, Version};
 
 const REFEREE: &str = include_str!("referee.py");
 const WARP: &str = include_str!("warp.py");
@@ -48,6 +48,12 @@ struct Setting {
     timed: bool,
     plain: bool,
     worlds: usize,
+}
+
+/// What either script says first.
+#[derive(Deserialize)]
+struct Version {
+    version: String,
 }
 
 #[derive(Deserialize)]
@@ -92,7 +98,7 @@ impl Referee {
         let starts = (0..batch.len()).map(|env| to_mujoco(&robot, batch.state(env))).collect();
         let mjcf = mjcf(system, batch.scenes.first().unwrap_or(&free), first)?;
         let request = Request { mjcf, frame_time: system.frame_time, frames, starts };
-        let mut python = Python::start(python, script, "MuJoCo")?;
+        let mut python = Python::start(python, script)?;
         let Version { version } = python.ask(&request)?;
         Ok(Self { version, plain: false, worlds: 0, robot, python })
     }

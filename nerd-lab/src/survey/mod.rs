@@ -11,7 +11,6 @@
 //! ```
 
 mod file;
-mod pinocchio;
 mod robot;
 mod stand;
 
@@ -22,9 +21,8 @@ pub use stand::{STANDING, standing, verdict};
 
 use crate::prelude::*;
 
-/// Each file read and rolled out, a line each; with a Python that has Pinocchio, at so many states beside it. And notes of a robot that is
-/// alone.
-pub fn read(files: &[Found], pinocchio: Option<(&Path, usize)>) -> Result<(Vec<Table>, Vec<String>)> {
+/// Each file read and rolled out, a line each; and notes of a robot that is alone.
+pub fn read(files: &[Found]) -> (Table, Vec<String>) {
     // A panic has a line in the table; elsewhere it would tear the bar.
     let hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(|_| ()));
@@ -39,12 +37,8 @@ pub fn read(files: &[Found], pinocchio: Option<(&Path, usize)>) -> Result<(Vec<T
         robots.iter().filter(|r| r.fixed.is_ok()).count(),
         robots.iter().filter(|r| r.floating.is_ok()).count()
     );
-    let mut tables = vec![Table::new("urdfs", &header).with(robots.iter().map(row)).noted(&sum)];
-    if let Some((python, states)) = pinocchio {
-        tables.push(pinocchio::beside(python, states, files, &robots)?);
-    }
-    let notes = if let [robot] = &robots[..] { robot.notes.clone() } else { Vec::new() };
-    Ok((tables, notes))
+    let table = Table::new("urdfs", &header).with(robots.iter().map(row)).noted(&sum);
+    (table, if let [robot] = &robots[..] { robot.notes.clone() } else { Vec::new() })
 }
 
 fn row(robot: &Surveyed) -> Vec<String> {

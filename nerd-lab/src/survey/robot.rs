@@ -2,7 +2,7 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use nerd_core::robot::{Robot, UrdfError};
+use nerd_core::robot::UrdfError;
 
 use super::file::{Found, reason, text};
 use crate::prelude::*;
@@ -21,8 +21,6 @@ pub struct Surveyed {
     pub fixed: Result<usize, String>,
     /// The same on a free base.
     pub floating: Result<usize, String>,
-    /// The robots themselves, on a fixed and on a free base, where they can be read.
-    pub(super) robots: [Option<Robot>; 2],
     /// What was taken for granted, on the first of them.
     pub(super) notes: Vec<String>,
 }
@@ -59,9 +57,8 @@ pub fn survey(Found { path, name }: &Found) -> Surveyed {
         meshes: meshes.len(),
     });
     let notes = first.map(|system| system.notes.clone()).unwrap_or_default();
-    let robots = tries.each_ref().map(|tried| tried.as_ref().ok()?.as_ref().map(|system| system.robot.clone()));
     let [fixed, floating] = tries.map(|tried| tried?.map_or(Ok(0), |system| caught(|| roll(system, name))));
-    Surveyed { name: name.clone(), sizes, fixed, floating, robots, notes }
+    Surveyed { name: name.clone(), sizes, fixed, floating, notes }
 }
 
 /// What came of a robot; a panic is our fault, and says so.

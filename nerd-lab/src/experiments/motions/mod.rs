@@ -2,29 +2,20 @@
 //!
 //! Starts, scenes and torques are drawn as those of a data set ([`nerd_sim::dataset::begin`]), from a seed of their own. The reference is
 //! the implicit step with four times as many substeps as the finest solver here. An error is the mean distance (m) of contact points, which
-//! are a cable's nodes, from those of the reference. Time and error come from the same frames. On a GPU many environments move together,
-//! and are compared every ten frames.
+//! are a cable's nodes, from those of the reference. Time and error come from the same frames.
 
 mod rollout;
 mod shown;
 
 use nerd_core::dynamics::Data;
-#[cfg(feature = "cuda")]
-use nerd_sim::articulated::device::Real;
 use nerd_sim::dataset::{GenerateConfig, Recording, begin, record};
 use nerd_sim::instruments::{Glide, Hold};
-#[cfg(feature = "cuda")]
-use nerd_train::learner::cuda::Precision;
 use rayon::prelude::*;
 use rollout::{Recorded, Rollout, contact_points, distances};
 
 use crate::choice::describe;
 use crate::prelude::*;
 use nerd_train::cost::{on_one_core, powers};
-
-/// Environments that move together on a GPU, and the frames from one comparison to the next there.
-const GPU_ENVIRONMENTS: usize = 4096;
-const GPU_STRIDE: usize = 10;
 
 settings! {
     /// Along motions that no solver has seen.
@@ -41,10 +32,6 @@ settings! {
         substeps: usize = 16, Whole(1..=256);
         /// Seed of the motions
         seed: u64 = 500, Whole(SEEDS);
-        /// Where solvers move
-        device: Device = Device::Cpu, Words(&["cpu", "cuda"]);
-        /// Environments that move together, the motions in turn; with --device cuda alone [default: 4096]
-        environments: Option<usize> = None, Whole(STARTS);
     }
 }
 
@@ -61,7 +48,7 @@ pub struct Row {
     pub substeps: Option<usize>,
     /// A frame of one environment on one core; None for a predictor that knows no dynamics.
     pub microseconds: Option<f64>,
-    /// Mean distance (m) of motions that are not lost, by compared frame; empty if all are lost.
+    /// Mean distance (m) of motions that are not lost, by frame; empty if all are lost.
     pub curve: Vec<f64>,
     /// Mean distance (m) of each motion that is not lost.
     pub motions: Vec<f64>,
@@ -71,32 +58,7 @@ pub struct Row {
 
 impl Motions {
     fn name(&self) -> String {
-        let robot = Path::new(&self.robot).file_stem().unwrap_or_default().to_string_lossy();
-        format!("{}-{robot}", if self.device == Device::Cuda { "device" } else { "motions" })
-    }
-
-    /// Frames from one comparison to the next.
-    fn stride(&self) -> usize {
-        if self.device == Device::Cuda { GPU_STRIDE } else { 1 }
-    }
-
-    /// Environments that move together.
-    fn together(&self) -> usize {
-        if self.device == Device::Cuda { self.environments.unwrap_or(GPU_ENVIRONMENTS).max(self.starts) } else { self.starts }
-    }
-
-    fn check(&self) -> Result<()> {
-        match self.device {
-            Device::Cpu if self.environments.is_some() => bail!("--environments means nothing without --device cuda"),
-            Device::Cuda if cfg!(not(feature = "cuda")) => bail!("--device cuda needs a build with `--features cuda`"),
-            Device::Cuda if self.frames < GPU_STRIDE => {
-                bail!("--frames {}: on a card they are looked at every {GPU_STRIDE}", self.frames)
-            }
-            Device::Cuda if self.environments.is_some_and(|n| n < self.starts) => {
-                bail!("--environments: {} at least, a motion each (--starts)", self.starts)
-            }
-            _ => Ok(()),
-        }
+        format!("motions-{}", Path::new(&self.robot).file_stem().unwrap_or_default().to_string_lossy())
     }
 
     /// What is compared with the reference, beside two predictors that know no dynamics.
@@ -105,7 +67,6 @@ impl Motions {
     }
 
     pub fn errors(&self) -> Result<MotionErrors> {
-        self.check()?;
         let system = System::named(&self.robot)?;
         if system.robot.contact_points.is_empty() {
             bail!("--robot {}: it has no contact point whose place could be measured; give it [[contact]] points", self.robot);
@@ -120,11 +81,15 @@ impl Motions {
             let mut rows = Vec::new();
             for (k, setting) in settings.iter().enumerate() {
                 bar.set(k as u64 + 1);
-                rows.extend(self.rows(setting, &recorded)?);
+                let series = match setting {
+                    Setting::Neural(folder) => describe(&ModelConfig::read(folder)?),
+                    other => other.series().to_string(),
+                };
+                rows.push(Row::new(&series, Some(setting), recorded.roll_out(setting.solver(&system)?)?, &recorded)?);
             }
             let floors: [(&str, Box<dyn Solver>); 2] = [("hold last", Box::new(Hold)), ("constant velocity", Box::new(Glide))];
             for (name, floor) in floors {
-                rows.push(Row::new(name, None, recorded.roll_out_by_steps(floor)?, &recorded)?);
+                rows.push(Row::new(name, None, recorded.roll_out(floor)?, &recorded)?);
             }
             Ok::<_, Error>(rows)
         })?;
@@ -134,43 +99,19 @@ impl Motions {
 
     /// Records the motions of the reference.
     fn record(&self, system: &Arc<System>, substeps: usize) -> Result<Recorded> {
-        let (starts, frames, stride) = (self.starts, self.frames, self.stride());
+        let (starts, frames) = (self.starts, self.frames);
         let config = GenerateConfig { transitions: starts * frames, frames, seed: self.seed, ..GenerateConfig::default() };
         // One by one: a batch of a few motions would keep a core or two busy.
         let one = |env: usize| Ok(record(system, &mut *Setting::Implicit(substeps).solver(system)?, &config, env as u64, 1)?);
         let recordings: Vec<Recording> = (0..starts).into_par_iter().map(one).collect::<Result<_>>()?;
         let (d, mut data) = (system.robot.state_dim(), Data::new(&system.robot));
         let mut points = |frame: usize, own: &Recording| contact_points(&system.robot, &own.states[(frame + 1) * d..][..d], &mut data);
-        let compared = (1..=frames / stride).map(|k| k * stride - 1);
         Ok(Recorded {
             start: begin(system, &config, 0, starts)?,
             torques: recordings.iter().flat_map(|own| own.torques.iter().copied()).collect(),
-            points: compared.map(|frame| recordings.iter().map(|own| points(frame, own)).collect()).collect(),
+            points: (0..frames).map(|frame| recordings.iter().map(|own| points(frame, own)).collect()).collect(),
             frames,
-            stride,
-            environments: self.together(),
         })
-    }
-
-    /// The rows of a solver: on a GPU a model has one in f32 and one in TF32.
-    fn rows(&self, setting: &Setting, recorded: &Recorded) -> Result<Vec<Row>> {
-        let system = &recorded.start.system;
-        let series = match setting {
-            Setting::Neural(folder) => describe(&ModelConfig::read(folder)?),
-            other => other.series().to_string(),
-        };
-        #[cfg(feature = "cuda")]
-        if self.device == Device::Cuda {
-            let all = [(Precision::F32, ""), (Precision::Tf32, ", TF32")];
-            let precisions = if matches!(setting, Setting::Neural(_)) { &all[..] } else { &all[..1] };
-            let row = |(precision, word): &(Precision, &str)| {
-                let mut solver = nerd_train::device::resident(setting, system, Real::F32, *precision)?;
-                let rollout = recorded.roll_out(&mut *solver, |s, batch, torques, frames| s.roll(batch, torques, frames))?;
-                Row::new(&(series.clone() + word), Some(setting), rollout, recorded)
-            };
-            return precisions.iter().map(row).collect();
-        }
-        Ok(vec![Row::new(&series, Some(setting), recorded.roll_out_by_steps(setting.solver(system)?)?, recorded)?])
     }
 }
 

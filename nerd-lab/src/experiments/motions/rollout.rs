@@ -1,6 +1,5 @@
 //! Rolls solvers out along recorded motions, and compares their contact points with the recorded ones.
 
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
@@ -15,7 +14,7 @@ use nerd_train::cost::each;
 /// A motion is lost if its points are this many times as far from the recorded ones as those ever are from the origin.
 const FAR: f64 = 10.0;
 
-/// Contact points (m, world): `[compared frame][motion][point]`.
+/// Contact points (m, world): `[frame][motion][point]`.
 pub type Points = Vec<Vec<Vec<Vector3<f64>>>>;
 
 /// Motions of the reference, and how solvers follow them.
@@ -26,10 +25,6 @@ pub struct Recorded {
     pub torques: Vec<f64>,
     pub points: Points,
     pub frames: usize,
-    /// Frames from one comparison to the next.
-    pub stride: usize,
-    /// Environments that move together. Environment i has motion i modulo their number; the first of each motion is compared.
-    pub environments: usize,
 }
 
 /// What a solver made of the motions.
@@ -42,62 +37,37 @@ pub struct Rollout {
 }
 
 impl Recorded {
-    /// Rolls `solver` out by `roll(solver, batch, torques, frames)`, with torques `[frame][env][joint]`.
-    pub fn roll_out<S: Solver + ?Sized>(
-        &self,
-        solver: &mut S,
-        roll: impl Fn(&mut S, &mut Batch, &[f64], usize) -> Result<(), StepError>,
-    ) -> Result<Rollout> {
-        let (mut batch, robot) = (self.batch(), &self.start.system.robot);
-        let (motions, n, compared) = (self.start.len(), batch.len(), self.frames / self.stride);
-        // The first frames allocate what all others need, so they are rolled once untimed.
-        if let Err(error) = roll(solver, &mut batch.clone(), &self.torques_of(0, n), self.stride) {
+    pub fn roll_out(&self, mut solver: Box<dyn Solver>) -> Result<Rollout> {
+        let (mut batch, robot, n) = (self.start.clone(), &self.start.system.robot, self.start.len());
+        // The first frame allocates what all others need, so it is rolled once untimed.
+        if let Err(error) = solver.step(&mut batch.clone(), &self.torques_of(0)) {
             error.faults()?;
         }
         (0..n).for_each(|env| solver.reset(env));
-        let (mut failed, mut points, mut spent) = (vec![false; motions], Vec::with_capacity(compared), Duration::ZERO);
+        let (mut failed, mut points, mut spent) = (vec![false; n], Vec::with_capacity(self.frames), Duration::ZERO);
         let mut data = Data::new(robot);
-        for k in 0..compared {
-            let torques = self.torques_of(k, n);
+        for frame in 0..self.frames {
+            let torques = self.torques_of(frame);
             let began = Instant::now();
-            let rolled = roll(solver, &mut batch, &torques, self.stride);
+            let stepped = solver.step(&mut batch, &torques);
             spent += began.elapsed();
-            if let Err(error) = rolled {
+            if let Err(error) = stepped {
                 for fault in error.faults()? {
-                    failed[fault.env % motions] = true;
+                    failed[fault.env] = true;
                     // It starts again, so that a frame costs as much as before, and does not count.
-                    batch.reset(fault.env, self.start.state(fault.env % motions));
+                    batch.reset(fault.env, self.start.state(fault.env));
                     solver.reset(fault.env);
                 }
             }
-            points.push((0..motions).map(|env| contact_points(robot, batch.state(env), &mut data)).collect());
+            points.push((0..n).map(|env| contact_points(robot, batch.state(env), &mut data)).collect());
         }
-        Ok(Rollout { points, microseconds: each(spent, n * compared * self.stride), failed })
+        Ok(Rollout { points, microseconds: each(spent, n * self.frames), failed })
     }
 
-    /// The same, one [`Solver::step`] a frame.
-    pub fn roll_out_by_steps(&self, mut solver: Box<dyn Solver>) -> Result<Rollout> {
-        self.roll_out(&mut *solver, |solver, batch, torques, frames| {
-            let width = torques.len() / frames;
-            (0..frames).try_for_each(|frame| solver.step(batch, &torques[frame * width..][..width]))
-        })
-    }
-
-    fn batch(&self) -> Batch {
-        let (start, motions) = (&self.start, self.start.len());
-        let mut batch = Batch::new(&start.system, &start.scenes[0], self.environments);
-        for env in 0..self.environments {
-            batch.reset(env, start.state(env % motions));
-            batch.scenes[env] = Arc::clone(&start.scenes[env % motions]);
-        }
-        batch
-    }
-
-    /// Torques of `n` environments in the frames before comparison `k`.
-    fn torques_of(&self, k: usize, n: usize) -> Vec<f64> {
-        let (motions, joints) = (self.start.len(), self.start.system.robot.joint_count());
-        let of = |frame: usize, env: usize| &self.torques[(env % motions * self.frames + frame) * joints..][..joints];
-        (k * self.stride..(k + 1) * self.stride).flat_map(|frame| (0..n).flat_map(move |env| of(frame, env).iter().copied())).collect()
+    /// Torques of all motions in a frame.
+    fn torques_of(&self, frame: usize) -> Vec<f64> {
+        let joints = self.start.system.robot.joint_count();
+        (0..self.start.len()).flat_map(|env| &self.torques[(env * self.frames + frame) * joints..][..joints]).copied().collect()
     }
 }
 
@@ -106,7 +76,7 @@ pub fn contact_points(robot: &Robot, state: &[f64], data: &mut Data) -> Vec<Vect
     robot.contact_points.iter().map(|p| point_position(data, p.link, &p.local)).collect()
 }
 
-/// Mean distance (m) by compared frame, and by motion, of all that are not lost. A motion is lost if the solver failed in it or, where
+/// Mean distance (m) by frame, and by motion, of all that are not lost. A motion is lost if the solver failed in it or, where
 /// `solves`, if it went too far: a predictor that knows no dynamics may go anywhere.
 pub fn distances(points: &Points, recorded: &Points, failed: &[bool], solves: bool) -> (Vec<f64>, Vec<f64>) {
     let distance = |frame: usize, env: usize| {

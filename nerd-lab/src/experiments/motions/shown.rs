@@ -1,9 +1,8 @@
 //! Tables and pictures of errors along motions.
 
-use nerd_train::device::Device;
 use nerd_train::stats::{mean, percentile};
 
-use super::{GPU_STRIDE, MotionErrors, Motions};
+use super::{MotionErrors, Motions};
 use crate::report::{Figure, Mark, Table, digits, or_dash};
 
 impl Motions {
@@ -11,7 +10,7 @@ impl Motions {
         let shown: Vec<usize> = [10, 30, 100, 300, 1000].into_iter().filter(|frame| *frame <= self.frames).collect();
         let millimetres = |x: f64| if x.is_nan() { "-".into() } else { digits(1e3 * x) };
         let rows = data.rows.iter().map(|row| {
-            let frames = shown.iter().map(|frame| millimetres(row.curve.get(frame / self.stride() - 1).copied().unwrap_or(f64::NAN)));
+            let frames = shown.iter().map(|frame| millimetres(row.curve.get(frame - 1).copied().unwrap_or(f64::NAN)));
             let of = |share: f64| millimetres(percentile(row.motions.clone(), share));
             let first = [
                 row.series.clone(),
@@ -27,12 +26,8 @@ impl Motions {
         let header = ["solver", "substeps", "us a frame", "mean (mm)", "95 %", "worst"].into_iter();
         let header: Vec<&str> = header.chain(frames.iter().map(String::as_str)).chain(["lost"]).collect();
         let note = format!(
-            "{}: distance of contact points over {} frames of {} motions that no solver has seen, from {}; 95 % and worst: of the motions' means.{}",
-            data.robot,
-            self.frames,
-            self.starts,
-            data.reference,
-            self.crowded()
+            "{}: distance of contact points over {} frames of {} motions that no solver has seen, from {}; 95 % and worst: of the motions' means.",
+            data.robot, self.frames, self.starts, data.reference
         );
         let lost: usize = data.rows.iter().map(|row| row.lost).sum();
         let left =
@@ -54,22 +49,8 @@ impl Motions {
                 None => levels.push((error, row.series.clone())),
             }
         }
-        let x = match self.device {
-            Device::Cpu => "microseconds a frame, one environment, one core".into(),
-            _ => format!("microseconds a frame and environment, of {} on a GPU", self.together()),
-        };
+        let x = "microseconds a frame, one environment, one core".into();
         let y = format!("mean distance of contact points over {} frames (m)", self.frames);
         Figure::speed(format!("{}: motions that no solver has seen", data.robot), [x, y], marks, levels)
-    }
-
-    fn crowded(&self) -> String {
-        if self.device == Device::Cpu {
-            return String::new();
-        }
-        format!(
-            " On the device, looked at every {GPU_STRIDE} frames: {} environments together, the motions in turn, transfers counted. \
-             Solvers have 32 bits there; around a learned cable's network all has 64.",
-            self.together()
-        )
     }
 }
