@@ -1,8 +1,9 @@
 //! Worlds: nearest of many colliders, inside and outside, against closed forms.
 
 use nalgebra::Vector3;
+use nerd_core::dynamics::Data;
 use nerd_sim::prelude::*;
-use nerd_sim::scene::hill;
+use nerd_sim::scene::{WORLDS, contacts, hill};
 
 use super::common::*;
 
@@ -42,6 +43,29 @@ fn under_the_hills_is_inside() {
             let (signed, least) = (event.distance * depth.signum(), 0.5 * depth.abs() - 0.01);
             assert!(signed > least && signed < depth.abs() + 0.01, "({x:.2}, {y:.2}), {depth} m: distance {} m", event.distance);
             assert!(event.normal.z > 0.5, "({x:.2}, {y:.2}), {depth} m: normal {:?}", event.normal);
+        }
+    }
+}
+
+/// Dropped into every world, the cube comes to rest on its surface.
+#[test]
+fn a_cube_comes_to_rest_in_every_world() {
+    let system = built_in("cube");
+    for world in WORLDS.into_iter().filter(|w| *w != "slope") {
+        let mut batch = batch(&system, world, 2);
+        for (env, x) in [0.75, 1.0].into_iter().enumerate() {
+            let state = batch.state_mut(env);
+            (state[0], state[2]) = (x, 0.8);
+        }
+        run(&mut implicit(8), &mut batch, 0.0, 240);
+        let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
+        for env in 0..2 {
+            let state = batch.state(env);
+            contacts(&system.robot, &batch.scenes[env], state, &mut data, &mut events);
+            let nearest = events.iter().map(|e| e.distance).fold(f64::INFINITY, f64::min);
+            let speed = state[7..].iter().fold(0.0f64, |a, b| a.max(b.abs()));
+            println!("{world} {env}: {nearest:.1e} m from the surface at {speed:.1e} m/s or rad/s");
+            assert!(nearest.abs() < 2e-3 && speed < 0.1, "{world} {env}: {nearest} m from the surface at {speed} m/s or rad/s");
         }
     }
 }
