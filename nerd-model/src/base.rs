@@ -11,7 +11,4 @@ pub enum Base {
     State,
     /// The state; positions count from where the mean of the velocities before and after would go ([`crate::trapezoid`]).
     Trapezoid,
-    /// Nothing: the prediction is the next state itself, endless angles continued from the token's (paper A.3.3.3, to be
-    /// compared with).
-    Nothing,
 }

@@ -10,12 +10,10 @@
 //! wrapped), a quaternion from the left for the orientation of a floating root. [`Base`] says from where it counts.
 //!
 //! No token or target knows a mass, force or acceleration.
-//!
-//! With [`View::World`] all this is seen from the world's axes and origin; [`View::Blind`] sees state and torques alone.
 
 use std::sync::Arc;
 
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Vector3};
 use nerd_core::contact::{ContactEvent, ContactPoint};
 use nerd_core::dynamics::{Data, kinematics, link_pose, velocities};
 use nerd_core::frames::RootFrame;
@@ -60,7 +58,7 @@ impl Features {
         let plain = system.robot.state_dim() + system.robot.joint_count();
         let (a_point, axes) = if view == View::Moving { (12, 6 * (system.robot.links.len() - 1)) } else { (7, 0) };
         let plain = plain + if view == View::Moving { system.robot.joints().map(waves).sum() } else { 0 };
-        if Self::situated(&system.robot) && view != View::Blind { plain + a_point * system.robot.contact_points.len() + 3 + axes } else { plain }
+        if Self::situated(&system.robot) { plain + a_point * system.robot.contact_points.len() + 3 + axes } else { plain }
     }
 
     /// Width of a prediction.
@@ -68,12 +66,9 @@ impl Features {
         system.robot.state_dim()
     }
 
-    /// Pose of the frame B of a state: the floating base, or the first moving link; or the world.
+    /// Pose of the frame B of a state: the floating base, or the first moving link.
     fn frame(&mut self, state: &[f64]) -> RootFrame {
         let robot = &self.system.robot;
-        if !self.form.view.own() {
-            return world();
-        }
         if robot.floating() {
             return RootFrame::of(state);
         }
@@ -103,7 +98,7 @@ impl Features {
             rest = later;
         };
         put(&self.near);
-        if self.form.view == View::Blind || !situated {
+        if !situated {
             put(torques);
             return put(&waves);
         }
@@ -172,19 +167,7 @@ impl Features {
 
     /// The frame in which changes are taken: a floating root's own, elsewhere the world, since joints have no other.
     fn place(&self, state: &[f64]) -> RootFrame {
-        if self.system.robot.floating() && self.form.view.own() { RootFrame::of(state) } else { world() }
-    }
-
-    /// Writes what a prediction is added to, seen from `frame`, into `near`: the state, or one with only zeros in it.
-    fn ground(&mut self, frame: &RootFrame, state: &[f64]) {
-        let robot = &self.system.robot;
-        if self.form.base != Base::Nothing {
-            return frame.state_in(robot, state, &mut self.near);
-        }
-        self.near.fill(0.0);
-        if robot.floating() {
-            write_quaternion(&mut self.near[3..7], &UnitQuaternion::identity());
-        }
+        if self.system.robot.floating() { RootFrame::of(state) } else { world() }
     }
 
     /// Writes the target of a frame from `state` to `next`: the change, seen from `state`.
@@ -192,14 +175,12 @@ impl Features {
         let system = self.system.clone();
         let robot = &system.robot;
         let frame = self.place(state);
-        self.ground(&frame, state);
+        frame.state_in(robot, state, &mut self.near);
         frame.state_in(robot, next, &mut self.far);
         let mut change: Vec<f64> = self.near.iter().zip(&self.far).map(|(a, b)| b - a).collect();
         for (i, _) in robot.joints().enumerate().filter(|(_, joint)| joint.wraps()) {
             let k = robot.root_coords() + i;
-            // Angles without a seam: the token's, wrapped, and the turn since.
-            let from = if self.form.base == Base::Nothing { wrap(state[k]) } else { 0.0 };
-            change[k] = from + wrap(next[k] - state[k]);
+            change[k] = wrap(next[k] - state[k]);
         }
         if robot.floating() {
             let turn = quaternion(&self.far[3..7]) * quaternion(&self.near[3..7]).inverse();
@@ -216,7 +197,7 @@ impl Features {
         let system = self.system.clone();
         let robot = &system.robot;
         let frame = self.place(state);
-        self.ground(&frame, state);
+        frame.state_in(robot, state, &mut self.near);
         let mut change = change.to_vec();
         if self.form.base == Base::Trapezoid {
             trapezoid::add(robot, system.frame_time, state, &mut change);

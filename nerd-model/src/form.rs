@@ -1,23 +1,18 @@
-//! The form of inputs and predictions: the paper's (own frame, changes of state), or an ablation of it (paper A.3.3). A model carries its
-//! form, so an ablated one is evaluated by the same code.
+//! The form of inputs and predictions: the paper's, or with more that moves. A model carries its form.
 
 use serde::{Deserialize, Serialize};
 
 use crate::base::Base;
 
-/// Where a token is seen from, and whether it holds the surroundings.
+/// What a token holds, all in the robot's own frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum View {
-    /// The robot's own frame (paper A.1).
+    /// State, contacts, torques and gravity (paper A.1).
     #[default]
     Own,
-    /// The robot's own frame; every angle enters as sine and cosine, too, contact points with their velocities and how near they are.
+    /// Also velocities of contact points and how near they are, axes of links, sine and cosine of every angle.
     Moving,
-    /// World axes and origin, for states, contacts, gravity and targets alike: the paper's equation 1.
-    World,
-    /// World axes and origin, and nothing but state and torques: the paper's end-to-end baseline.
-    Blind,
 }
 
 /// What tokens hold and what predictions mean.
@@ -25,19 +20,12 @@ pub enum View {
 pub struct Form {
     /// What predictions are added to.
     pub base: Base,
-    /// Where tokens are seen from.
+    /// What tokens hold.
     pub view: View,
 }
 
-impl View {
-    /// Whether all is seen from the robot's own frame.
-    pub fn own(self) -> bool {
-        matches!(self, Self::Own | Self::Moving)
-    }
-}
-
 impl From<Base> for Form {
-    /// Seen from the robot's own frame.
+    /// With the paper's tokens.
     fn from(base: Base) -> Self {
         Self { base, ..Self::default() }
     }

@@ -110,10 +110,10 @@ fn kernels_tell_and_apply_as_the_solver_does() {
         let (mut own, noted) = (batch.clone(), Arc::new(Mutex::new(Vec::new())));
         let given = Given { predictions: predictions.clone(), tokens: noted.clone() };
         Neural::new(model.clone(), Box::new(given)).step(&mut own, &torques).expect("finite");
-        let config = settings(model.config.form()).expect("it has kernels");
+        let config = settings();
         for (real, most) in [(Real::F64, [1e-6, 1e-9]), (Real::F32, [1e-4, 2e-4])] {
             let name = format!("{robot}-{scene}-{real:?}");
-            let text = program(model.config.form(), &model.normalizer, &system, real, Reach::of(&batch).colliders).expect("it has kernels");
+            let text = program(model.config.form(), &model.normalizer, &system, real, Reach::of(&batch).colliders);
             let shape = (n, model.config.network.inputs);
             let (tokens, states) = frame(&compiler, &text, &batch, &config, &torques, &predictions, shape);
             let (tokens, states) = (apart(&tokens, &noted.lock().expect("done")), apart(&states, &own.states));
@@ -155,17 +155,6 @@ fn kernels_of_a_chain_tell_and_apply_as_its_solver_does() {
     let (tokens, states) = (apart(&own, &tokens), apart(&states, &batch.states));
     println!("{near} ends of rods near a surface: tokens {tokens:.1e}, states {states:.1e} apart");
     assert!(near > 100 && tokens < 1e-6 && states < 1e-9, "{near} near, tokens {tokens:e}, states {states:e} apart");
-}
-
-#[test]
-fn what_has_no_kernel_is_named() {
-    let system = System::named("ant").expect("built in");
-    for (word, base, view) in [("predicts states", Base::Nothing, View::Own), ("view is World", Base::State, View::World)] {
-        let mut model = placed(&system, Base::State, Positions::Rotary);
-        (model.config.base, model.config.view) = (base, view);
-        let error = program(model.config.form(), &model.normalizer, &system, Real::F32, 1).expect_err("it has no kernel");
-        assert!(error.contains(word) && error.contains("CPU"), "{error}");
-    }
 }
 
 fn network(architecture: Architecture, [inputs, outputs, embedding, layers]: [usize; 4], tokens: usize) -> Weights {
@@ -223,8 +212,6 @@ fn a_pass_in_one_kernel_is_that_of_the_engine() {
 fn what_has_no_such_form_has_none() {
     let of = |architecture, tokens| network(architecture, [30, 18, 48, 2], tokens).config.program();
     assert!(whole_program(&of(Architecture::Transformer, 10), 10, Products::F32).is_none(), "attention");
-    assert!(whole_program(&of(Architecture::Gru, 10), 10, Products::F32).is_none(), "cells");
     assert!(whole_program(&of(Architecture::Chain, 400), 400, Products::F32).is_none(), "too long for a block's memory");
     assert!(whole_program(&of(Architecture::Residual, 1), 1, Products::F16).is_none(), "48 columns, not a multiple of 64");
-    assert!(whole_program(&of(Architecture::Mlp, 1), 1, Products::F16).is_none(), "a perceptron");
 }

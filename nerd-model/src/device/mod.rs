@@ -33,29 +33,20 @@ pub fn whole_program(program: &Program, tokens: usize, products: Products) -> Op
     if products == Products::F16 { residual::residual(program).filter(|_| tokens == 1) } else { whole::chain(program, tokens, products) }
 }
 
-/// The settings with which scenes are put in order for a model's kernels; or what of it has no kernel, and where it can be stepped.
-pub fn settings(Form { base, view }: Form) -> Result<ArticulatedConfig, String> {
-    let refuse =
-        |what: String| Err(format!("a model {what}, which has no kernel; step it with the network alone on the device, or on the CPU"));
-    if !view.own() {
-        return refuse(format!("whose view is {view:?}"));
-    }
-    match base {
-        Base::Nothing => refuse("that predicts states".into()),
-        Base::State | Base::Trapezoid => Ok(ArticulatedConfig::implicit(1, Friction::Coulomb)),
-    }
+/// The settings with which scenes are put in order for a model's kernels.
+pub fn settings() -> ArticulatedConfig {
+    ArticulatedConfig::implicit(1, Friction::Coulomb)
 }
 
-/// The text for models of `system` of a form and with a normaliser, for scenes of at most so many colliders; an error as of [`settings`].
-pub fn program(form: Form, normalizer: &Normalizer, system: &Arc<System>, real: Real, colliders: usize) -> Result<String, String> {
-    Ok(token_functions(form, normalizer, system, real, colliders)? + include_str!("tokens_frame.cuh"))
+/// The text for models of `system` of a form and with a normaliser, for scenes of at most so many colliders.
+pub fn program(form: Form, normalizer: &Normalizer, system: &Arc<System>, real: Real, colliders: usize) -> String {
+    token_functions(form, normalizer, system, real, colliders) + include_str!("tokens_frame.cuh")
 }
 
 /// The same without its kernels: `tell` and `apply`, for other kernels.
-pub fn token_functions(form: Form, normalizer: &Normalizer, system: &Arc<System>, real: Real, colliders: usize) -> Result<String, String> {
-    let config = settings(form)?;
+pub fn token_functions(form: Form, normalizer: &Normalizer, system: &Arc<System>, real: Real, colliders: usize) -> String {
     let robot = &system.robot;
-    let mut text = functions(system, &config, real, Reach { colliders, ..Reach::default() });
+    let mut text = functions(system, &settings(), real, Reach { colliders, ..Reach::default() });
     let inputs = Features::inputs(system, form);
     let flag = |on: bool| usize::from(on);
     let situated = flag(Features::situated(robot));
@@ -83,5 +74,5 @@ pub fn token_functions(form: Form, normalizer: &Normalizer, system: &Arc<System>
     table("double", "SHIFT", outputs.mean.clone());
     table("double", "STRETCH", outputs.scale().collect());
     text.push_str(include_str!("tokens.cuh"));
-    Ok(text)
+    text
 }

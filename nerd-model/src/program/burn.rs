@@ -1,6 +1,6 @@
 //! Programs in burn: what each operation means, which the other engines are tested against, and what computes on any device of burn.
 
-use burn::tensor::activation::{gelu, relu, sigmoid, softmax};
+use burn::tensor::activation::{gelu, relu, softmax};
 use burn::tensor::{Device, Gradients, Tensor, TensorData};
 
 use super::op::{Activation, Op, Program, Slot, Weight};
@@ -64,7 +64,6 @@ impl BurnNetwork {
                     let half = x.dims()[1] / 2;
                     gelu(x.clone().narrow(1, 0, half)) * x.narrow(1, half, half)
                 }
-                Op::Cell { weight, bias, lstm } => cell(x, tokens, self.matrix(weight), self.row(bias), lstm),
             };
             slots[step.to.0] = Some(y);
         }
@@ -124,29 +123,4 @@ fn neighbours(x: Tensor<2>, tokens: usize, apart: usize) -> Tensor<2> {
     let padded = Tensor::cat(vec![beyond.clone(), x.clone(), beyond], 1);
     let (before, after) = (padded.clone().narrow(1, 0, tokens), padded.narrow(1, 2 * apart, tokens));
     Tensor::cat(vec![before, x, after], 2).reshape([rows, 3 * width])
-}
-
-/// Tokens' inputs to the gates, `[windows tokens, gates E]`, to states `[windows tokens, E]`.
-fn cell(u: Tensor<2>, tokens: usize, weight: Tensor<2>, bias: Tensor<2>, lstm: bool) -> Tensor<2> {
-    let ([rows, width], e, device) = (u.dims(), weight.dims()[0], u.device());
-    let (windows, u) = (rows / tokens, u.reshape([rows / tokens, tokens, width]));
-    let mut h = Tensor::<2>::zeros([windows, e], &device);
-    let (mut c, mut states) = (h.clone(), Vec::with_capacity(tokens));
-    let gate = |x: &Tensor<2>, i: usize| x.clone().narrow(1, i * e, e);
-    for k in 0..tokens {
-        let u = u.clone().narrow(1, k, 1).reshape([windows, width]);
-        let v = h.clone().matmul(weight.clone()) + bias.clone();
-        if lstm {
-            let x = u + v;
-            let [i, f, o] = [0, 1, 3].map(|k| sigmoid(gate(&x, k)));
-            c = f * c + i * gate(&x, 2).tanh();
-            h = o * c.clone().tanh();
-        } else {
-            let [r, z] = [0, 1].map(|k| sigmoid(gate(&u, k) + gate(&v, k)));
-            let n = (gate(&u, 2) + r * gate(&v, 2)).tanh();
-            h = n.clone() + z * (h - n);
-        }
-        states.push(h.clone());
-    }
-    Tensor::stack::<3>(states, 1).reshape([rows, e])
 }

@@ -3,7 +3,7 @@
 use nerd_sim::range::within;
 use serde::{Deserialize, Serialize};
 
-/// What maps windows to predictions: the causal Transformer, or what it is compared with (paper A.3.3.1).
+/// What maps windows to predictions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Architecture {
@@ -12,12 +12,6 @@ pub enum Architecture {
     Transformer,
     /// Its blocks without attention, over single tokens.
     Residual,
-    /// A perceptron over single tokens.
-    Mlp,
-    /// Gated recurrent units.
-    Gru,
-    /// Long short-term memory.
-    Lstm,
     /// A network along a chain ([`crate::chain`]): a window is its rods in one frame, and `block` their number.
     Chain,
 }

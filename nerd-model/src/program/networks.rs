@@ -1,7 +1,7 @@
 //! The networks, each beside its equations.
 
 use super::config::{Architecture, Positions, TransformerConfig};
-use super::op::{Activation, Init, Op, Program, Slot, Step, TensorSpec};
+use super::op::{Activation, Init, Op, Program, Step, TensorSpec};
 
 impl TransformerConfig {
     /// What the network does.
@@ -9,8 +9,6 @@ impl TransformerConfig {
         match self.architecture {
             Architecture::Transformer => transformer(self),
             Architecture::Residual => residual(self),
-            Architecture::Mlp => mlp(self),
-            Architecture::Gru | Architecture::Lstm => recurrent(self),
             Architecture::Chain => chain(self),
         }
     }
@@ -56,10 +54,15 @@ fn transformer(c: &TransformerConfig) -> Program {
         let qkv = p.normed(&of("norm_attn"), &of("attn.qkv"), x, 3 * e, small);
         let mixed = p.then(qkv, e, Op::Attend { heads: c.heads, band });
         p.residual(&of("attn.proj"), mixed, x, scaled);
-        perceptron(&mut p, i, x, [small, scaled]);
+        let up = p.normed(&of("norm_mlp"), &of("mlp.up"), x, 4 * e, small);
+        let active = p.then(up, 4 * e, Op::Activate(Activation::Gelu));
+        p.residual(&of("mlp.down"), active, x, scaled);
     }
     let x = p.normed("norm", "out", x, e, small);
-    head(p, x, c)
+    let hidden = p.linear("head.hidden", x, c.head, [Init::FanIn(e); 2]);
+    let hidden = p.then(hidden, c.head, Op::Activate(Activation::Relu));
+    p.linear("head.out", hidden, c.outputs, [Init::FanIn(c.head); 2]);
+    p
 }
 
 /// The Transformer of a single token: attention over one key is the value itself, so it is left out. Its perceptrons are gated, since
@@ -81,60 +84,6 @@ fn residual(c: &TransformerConfig) -> Program {
     let x = p.then(x, c.embedding, Op::Norm);
     p.then(x, c.outputs, Op::Linear { weight, scale, bias: Some(bias), add: false });
     p
-}
-
-/// `x += W_down gelu(W_up LN(x))` of a block.
-fn perceptron(p: &mut Program, block: usize, x: Slot, [up, down]: [Init; 2]) {
-    let (of, wide) = (|name: &str| format!("blocks.{block}.{name}"), 4 * p.width(x));
-    let up = p.normed(&of("norm_mlp"), &of("mlp.up"), x, wide, up);
-    let active = p.then(up, wide, Op::Activate(Activation::Gelu));
-    p.residual(&of("mlp.down"), active, x, down);
-}
-
-/// A perceptron over single tokens, to be compared with the Transformer (paper A.3.3.1): a window is one token.
-///
-/// `x -> relu(W x + b)` in layers of 4 E, 2 E and E units (the official one has 512, 256, 128), then the head
-/// `W_2 relu(W_1 x + b_1) + b_2`. Initial weights and biases uniform in +-1/sqrt(fan in).
-fn mlp(c: &TransformerConfig) -> Program {
-    let mut p = Program::new(c.inputs);
-    let mut x = p.tokens();
-    for (i, width) in [4 * c.embedding, 2 * c.embedding, c.embedding].into_iter().enumerate() {
-        let init = Init::FanIn(p.width(x));
-        let wide = p.linear(&format!("layers.{i}"), x, width, [init; 2]);
-        x = p.then(wide, width, Op::Activate(Activation::Relu));
-    }
-    head(p, x, c)
-}
-
-/// Recurrent networks over the tokens of a window, to be compared with the Transformer (paper A.3.3.1).
-///
-/// Cells of width E one above the other, then the head `W_2 relu(W_1 x + b_1) + b_2`. With `u = W x + b` of the token and
-/// `v = U h + c` of the state, both split by gate, a GRU's cell is (Cho and others 2014, as in PyTorch)
-///
-/// ```text
-/// r = s(u_r + v_r)   z = s(u_z + v_z)   n = tanh(u_n + r v_n)   h' = n + z (h - n)
-/// ```
-///
-/// and an LSTM's (Hochreiter and Schmidhuber 1997, with forget gate)
-///
-/// ```text
-/// i, f, o = s(u + v)   g = tanh(u_g + v_g)   c' = f c + i g   h' = o tanh(c')
-/// ```
-///
-/// The state is zero before the oldest token of a window, in training and in rollouts alike. Initial weights and biases
-/// uniform in +-1/sqrt(E), as PyTorch's.
-fn recurrent(c: &TransformerConfig) -> Program {
-    let (e, lstm, init) = (c.embedding, c.architecture == Architecture::Lstm, Init::FanIn(c.embedding));
-    let gates = if lstm { 4 } else { 3 };
-    let mut p = Program::new(c.inputs);
-    let mut x = p.tokens();
-    for i in 0..c.layers {
-        let u = p.linear(&format!("cells.{i}.token"), x, gates * e, [init; 2]);
-        let weight = p.tensor(&format!("cells.{i}.state.weight"), &[e, gates * e], init);
-        let bias = p.tensor(&format!("cells.{i}.state.bias"), &[gates * e], init);
-        x = p.then(u, e, Op::Cell { weight, bias, lstm });
-    }
-    head(p, x, c)
 }
 
 /// Actor and critic: one trunk over a single observation, with heads for mean action, value and, by state, the
@@ -184,13 +133,5 @@ fn chain(c: &TransformerConfig) -> Program {
     }
     let n = p.then(h, e, Op::Norm);
     p.linear("out", n, c.outputs, [spread(e, 0.1), none]);
-    p
-}
-
-/// `W_2 relu(W_1 x + b_1) + b_2`.
-fn head(mut p: Program, x: Slot, c: &TransformerConfig) -> Program {
-    let hidden = p.linear("head.hidden", x, c.head, [Init::FanIn(c.embedding); 2]);
-    let hidden = p.then(hidden, c.head, Op::Activate(Activation::Relu));
-    p.linear("head.out", hidden, c.outputs, [Init::FanIn(c.head); 2]);
     p
 }

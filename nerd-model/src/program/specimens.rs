@@ -62,13 +62,6 @@ fn around(name: &str, width: usize, operation: impl Fn(&mut Program, Slot)) -> S
 
 /// One of each operation.
 pub fn operations() -> Vec<Specimen> {
-    let cell = |name, lstm: bool, gates: usize| {
-        around(name, gates * 5, move |p, x| {
-            let weight = p.tensor("cell.weight", &[5, gates * 5], Init::Normal(0.7));
-            let bias = p.tensor("cell.bias", &[gates * 5], Init::Normal(0.4));
-            p.then(x, 5, Op::Cell { weight, bias, lstm });
-        })
-    };
     let attend = |name, band: Option<usize>| {
         around(name, 48, move |p, x| {
             p.frequencies = if band.is_some() { vec![1.0, 0.3, 0.1, 0.03] } else { Vec::new() };
@@ -107,20 +100,17 @@ pub fn operations() -> Vec<Specimen> {
         then("tanh", 7, Op::Activate(Activation::Tanh)),
         then("elu", 7, Op::Activate(Activation::Elu)),
         around("gate", 16, |p, x| _ = p.then(x, 8, Op::Gate)),
-        cell("GRU", false, 3),
-        cell("LSTM", true, 4),
     ]
 }
 
 /// One of each network, over windows or sequences of [`TOKENS`].
 pub fn networks() -> Vec<Specimen> {
     let small = TransformerConfig { layers: 2, heads: 2, block: TOKENS, history: TOKENS, head: 9, ..TransformerConfig::paper(5, 3, 24) };
-    let rivals =
-        [Architecture::Transformer, Architecture::Residual, Architecture::Mlp, Architecture::Gru, Architecture::Lstm, Architecture::Chain];
-    let rivals = rivals.map(|architecture| (format!("{architecture:?}"), TransformerConfig { architecture, ..small }.program()));
+    let all = [Architecture::Transformer, Architecture::Residual, Architecture::Chain];
+    let all = all.map(|architecture| (format!("{architecture:?}"), TransformerConfig { architecture, ..small }.program()));
     let rotary = TransformerConfig { positions: Positions::Rotary, history: 3, ..small };
     let others = [("rotary Transformer", rotary.program()), ("policy", policy(&[5, 24, 9, 4], Activation::Elu, Some(3)))];
-    let all = rivals.into_iter().chain(others.map(|(name, program)| (name.to_string(), program)));
+    let all = all.into_iter().chain(others.map(|(name, program)| (name.to_string(), program)));
     let specimen = |(name, program): (String, Program)| {
         let mut specimen = Specimen::new(&name, program);
         // Deep networks have small outputs with the parameters of shallow ones.

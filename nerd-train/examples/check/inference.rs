@@ -5,7 +5,7 @@ use nerd_model::program::specimens::{Specimen, TOKENS, WINDOWS, networks, operat
 use nerd_model::transformer::{Architecture, Forward, PackedForward, PackedStream, Positions, Stream, TransformerConfig, Weights};
 use nerd_train::learner::cuda::{CudaForward, CudaProgram, CudaStream, Precision};
 
-use crate::with::{Checks, Outcome, apart, numbers, rivals, weights, windows as drawn, worse};
+use crate::with::{Checks, Outcome, apart, numbers, others, weights, windows as drawn, worse};
 
 /// Every operation and every network against its meaning in burn: outputs, gradients by weights and by tokens. Twice, since a pass uses the
 /// memory of the one before.
@@ -28,7 +28,7 @@ pub fn operations(checks: &mut Checks) -> Outcome {
 pub fn windows(checks: &mut Checks) -> Outcome {
     let table = TransformerConfig { layers: 2, ..TransformerConfig::paper(37, 4, 192) };
     let is_chain = |config: &&TransformerConfig| config.architecture == Architecture::Chain;
-    for config in rivals().iter().chain([&table]).filter(|config| !is_chain(config)) {
+    for config in others().iter().chain([&table]).filter(|config| !is_chain(config)) {
         let (w, mut here, mut there) = (weights(*config), Vec::new(), Vec::new());
         let mut cuda = CudaForward::new(&w, Precision::F32, 40)?;
         // Sizes that are captured apart, and one for the second time.
@@ -43,7 +43,7 @@ pub fn windows(checks: &mut Checks) -> Outcome {
     }
     // A chain's products have kernels of their own on tensor cores, which round operands to 11 bits: 2^13 times as coarse as f32.
     for (config, (precision, bound)) in
-        rivals().iter().filter(is_chain).flat_map(|c| [(c, (Precision::F32, 1e-4)), (c, (Precision::Tf32, 1e-2))])
+        others().iter().filter(is_chain).flat_map(|c| [(c, (Precision::F32, 1e-4)), (c, (Precision::Tf32, 1e-2))])
     {
         let (w, inputs, rows) = (weights(*config), numbers(2, 33 * 10 * 37), (0..33 * 10).collect::<Vec<_>>());
         let (loaded, mut memory) = (Loaded::new(config.program(), &w.flat), Memory::default());
@@ -81,7 +81,7 @@ pub fn refusals(checks: &mut Checks) -> Outcome {
     let refused = stream.push(&drawn(3, rotary, 41, 1).x, &mut Vec::new()).is_err();
     checks.demand(refused, "41 environments in a stream for 40".into());
     let table = TransformerConfig { positions: Positions::Table, ..rotary };
-    for other in [table, TransformerConfig { architecture: Architecture::Gru, ..table }] {
+    for other in [table, TransformerConfig { architecture: Architecture::Chain, ..table }] {
         let made = CudaStream::new(&Weights::init(other, 0), Precision::F32, 4).err().map(|e| e.to_string());
         checks.demand(made.is_some_and(|e| e.contains("sees no windows")), format!("{:?} frame by frame", other.architecture));
     }

@@ -19,7 +19,7 @@ use nerd_train::unroll::robot::Robot;
 use nerd_train::unroll::{Course, CudaUnrollLearner, Motions, OnCard, UnrollLearner};
 use nerd_train::windows::draw;
 
-use crate::with::{Checks, Outcome, apart, rivals, settings, shapes, share_of_way, weights, windows, worse};
+use crate::with::{Checks, Outcome, apart, others, settings, shapes, share_of_way, weights, windows, worse};
 
 /// Every entry is the CPU's within this share of the root mean square of its tensor's: one that is missing is off by all of itself.
 const ENTRY: f64 = 2e-3;
@@ -55,7 +55,7 @@ pub fn gradients(checks: &mut Checks) -> Outcome {
 /// Ten updates from one state come to the CPU's weights, by Adam and by Muon; a state that is taken up again goes on to the bit.
 pub fn updates(checks: &mut Checks) -> Outcome {
     let small = TransformerConfig { layers: 2, heads: 4, ..TransformerConfig::paper(37, 4, 48) };
-    for (config, optimizer) in rivals().into_iter().chain([small]).flat_map(|c| [(c, Optimizer::Adam), (c, Optimizer::Muon)]) {
+    for (config, optimizer) in others().into_iter().chain([small]).flat_map(|c| [(c, Optimizer::Adam), (c, Optimizer::Muon)]) {
         let (data, state) = (Arc::new(windows(2, config, 20, 50)), LearnerState::new(weights(config)));
         let (first, settings) = (state.weights.flat.clone(), LearnerConfig { optimizer, ..settings(64) });
         let cuda = CudaLearner::new(&Ranks::default(), settings, Precision::F32, state.clone(), [&data, &data]);

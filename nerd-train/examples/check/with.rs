@@ -82,18 +82,19 @@ pub fn settings(batch: usize) -> LearnerConfig {
     LearnerConfig { batch, clip: 1.0, average: 0.999, seed: 5, huber: None, optimizer: Default::default() }
 }
 
-fn rival(architecture: Architecture, embedding: usize, outputs: usize) -> TransformerConfig {
-    TransformerConfig { architecture, layers: 2, heads: 1, ..TransformerConfig::paper(37, outputs, embedding) }
+/// Networks without attention: a residual one, and a chain.
+pub fn others() -> [TransformerConfig; 2] {
+    let of = |architecture, outputs, embedding| TransformerConfig {
+        architecture,
+        layers: 2,
+        heads: 1,
+        ..TransformerConfig::paper(37, outputs, embedding)
+    };
+    [of(Architecture::Residual, 4, 52), TransformerConfig { layers: 8, block: 10, ..of(Architecture::Chain, 6, 48) }]
 }
 
-/// One of each, of odd widths where they can be; a chain.
-pub fn rivals() -> [TransformerConfig; 4] {
-    let [mlp, gru, lstm] = [(Architecture::Mlp, 51), (Architecture::Gru, 45), (Architecture::Lstm, 40)].map(|(of, e)| rival(of, e, 4));
-    [mlp, gru, lstm, TransformerConfig { layers: 8, block: 10, ..rival(Architecture::Chain, 48, 6) }]
-}
-
-/// Shapes with a table and without, wide heads and narrow ones, a band narrower than the sequence, more outputs than lanes; rivals, one
-/// with more outputs than its head has room for; a chain.
+/// Shapes with a table and without, wide heads and narrow ones, a band narrower than the sequence, more outputs than lanes; those without
+/// attention.
 pub fn shapes() -> Vec<TransformerConfig> {
     let paper = TransformerConfig::paper;
     let rotary = |c: TransformerConfig, block| TransformerConfig { positions: Positions::Rotary, block, ..c };
@@ -102,5 +103,5 @@ pub fn shapes() -> Vec<TransformerConfig> {
     let narrow = rotary(TransformerConfig { heads: 3, ..small }, 20);
     let all = [wide, paper(6, 14, 384), small, rotary(wide, 32), rotary(wide, 55), rotary(paper(37, 4, 384), 64), narrow];
     let transformers = all.map(|c| TransformerConfig { layers: c.layers.min(3), ..c });
-    transformers.into_iter().chain(rivals()).chain([TransformerConfig { history: 3, ..rival(Architecture::Mlp, 30, 600) }]).collect()
+    transformers.into_iter().chain(others()).collect()
 }

@@ -4,7 +4,7 @@
 //! that an update has the root mean square that Adam's usually has and one learning rate serves both (Liu and others
 //! 2025, arXiv 2502.16982). `NS` divides by the Frobenius norm and iterates five times
 //! `X <- (a 1 + b A + c A^2) X`, `A = X X^T`, which drives all singular values to about 1. Everything but hidden
-//! matrices stays with Adam. Query, key and value count as three matrices, as do the gates of a recurrent cell.
+//! matrices stays with Adam. Query, key and value count as three matrices.
 
 use std::ops::Range;
 
@@ -48,19 +48,19 @@ impl Hidden {
     }
 }
 
-/// The hidden matrices of a network: all `E x E` ones (query, key, value, projection; gates), then all wider ones (the MLP's).
+/// The hidden matrices of a network: all `E x E` ones (query, key, value, projection), then all wider ones (the perceptrons').
 pub fn hidden(config: &TransformerConfig) -> [Vec<Hidden>; 2] {
     let (e, mut offset) = (config.embedding, 0);
     let (mut square, mut wide) = (Vec::new(), Vec::new());
     for tensor in config.tensors() {
         let columns = tensor.shape.last().copied().unwrap_or(0);
-        let gates = (0..columns / e).map(|k| Hidden { offset: offset + k * e, stride: columns, rows: e, columns: e, transposed: false });
+        let parts = (0..columns / e).map(|k| Hidden { offset: offset + k * e, stride: columns, rows: e, columns: e, transposed: false });
         let whole = Hidden { offset, stride: columns, rows: tensor.shape[0], columns, transposed: false };
         let transposed = Hidden { rows: columns, columns: tensor.shape[0], transposed: true, ..whole };
         let mut path = tensor.name.split('.');
-        let (place, layer, rest) = (path.next().unwrap_or(""), path.next().unwrap_or(""), path.collect::<Vec<_>>().join("."));
+        let (place, rest) = (path.next().unwrap_or(""), path.skip(1).collect::<Vec<_>>().join("."));
         match (place, rest.as_str()) {
-            ("blocks", "attn.qkv.weight" | "attn.proj.weight") | ("cells", "state.weight") => square.extend(gates),
+            ("blocks", "attn.qkv.weight" | "attn.proj.weight") => square.extend(parts),
             ("blocks", "mlp.up.weight") => wide.push(whole),
             // Gate and value.
             ("blocks", "mlp.gated.weight") => {
@@ -68,9 +68,6 @@ pub fn hidden(config: &TransformerConfig) -> [Vec<Hidden>; 2] {
                 wide.extend([0, half].map(|first| Hidden { offset: offset + first, columns: half, ..whole }));
             }
             ("blocks", "mlp.down.weight") => wide.push(transposed),
-            // A matrix that reads the token itself is not hidden.
-            ("cells", "token.weight") if layer != "0" => square.extend(gates),
-            ("layers", "weight") if layer != "0" => wide.push(transposed),
             _ => {}
         }
         offset += tensor.len();

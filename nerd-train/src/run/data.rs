@@ -87,7 +87,7 @@ impl Data {
             refuse!("{} trajectories of {} frames hold no sequence of {sequence} tokens", windows.trajectories(), windows.frames);
         }
         let own = || {
-            let mut own = config.variant.normalizer(moments(windows));
+            let mut own = moments(windows);
             own.outputs.epsilon = config.epsilon.unwrap_or(own.outputs.epsilon);
             if form.base == Base::Trapezoid {
                 trapezoid::level(&system.robot, system.frame_time, &mut own.outputs);

@@ -1,6 +1,5 @@
 //! Defaults for training a model further.
 
-use nerd_model::base::Base;
 use nerd_model::folder::ModelConfig;
 use nerd_model::transformer::{Architecture, Positions};
 
@@ -19,16 +18,13 @@ impl RunConfig {
     /// runs of any of them. Data come fresh, half of the trajectories start as tasks do and half are passive.
     ///
     /// # Errors
-    /// If its network or its form is none that a run's few settings name.
+    /// If it is of a chain, whose runs follow one another.
     pub fn onward(model: &ModelConfig, updates: u64) -> Result<Self> {
         let network = &model.network;
         let mut run = Self { robot: model.robot.clone(), updates, batch: model.batch, ..Self::default() };
-        if model.base == Base::Nothing {
-            refuse!("the model predicts states; say with --recipe how it is trained on");
-        }
         (run.base, run.view) = (model.base, model.view);
-        if !matches!(network.architecture, Architecture::Transformer | Architecture::Residual) || !model.view.own() {
-            refuse!("the model is a chain or one of NeRD's rivals; say with --recipe how it is trained on");
+        if network.architecture == Architecture::Chain {
+            refuse!("the model is of a chain; say with --recipe how it is trained on");
         }
         (run.embedding, run.layers, run.history) = (network.embedding, network.layers, network.history);
         if network.architecture == Architecture::Transformer {

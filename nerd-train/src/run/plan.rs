@@ -8,7 +8,7 @@ use nerd_model::base::Base;
 use nerd_model::chain::{self, Chain};
 use nerd_model::features::Features;
 use nerd_model::folder::Model;
-use nerd_model::form::Form;
+use nerd_model::form::{Form, View};
 use nerd_model::transformer::{Architecture, Positions, TransformerConfig};
 use nerd_sim::dataset::GenerateConfig;
 use nerd_sim::prelude::*;
@@ -51,7 +51,7 @@ impl Plan {
         config.check()?;
         let system = System::named(&config.robot)?;
         progress::notes(&system);
-        let form = config.variant.form(Form { base: config.base, view: config.view });
+        let form = Form { base: config.base, view: config.view };
         let network = config.network(&system, form)?;
         let (learner, trainer) = (config.learner(), config.trainer());
         learner.check().and(trainer.check()).map_err(Error::Refused)?;
@@ -110,6 +110,7 @@ impl RunConfig {
             (!recorded && !self.record.policy.is_empty(), "--policy records by itself: leave out --data"),
             (chain && self.stream, "--stream means nothing with --variant chain"),
             (chain && self.base != Base::State, "--base means nothing with --variant chain"),
+            (chain && self.view != View::Own, "--view means nothing with --variant chain"),
             (chain && self.fresh > 0, "--fresh means nothing with --variant chain"),
             (chain && self.epsilon.is_some(), "--epsilon means nothing with --variant chain"),
             (chain && self.huber.is_some(), "--huber means nothing with --variant chain"),
@@ -135,7 +136,7 @@ impl RunConfig {
         ];
         match wrong.iter().find(|(wrong, _)| *wrong) {
             Some((_, why)) => refuse!("{why}"),
-            None => self.variant.check(Form { base: self.base, view: self.view }),
+            None => Ok(()),
         }
     }
 
@@ -162,9 +163,6 @@ impl RunConfig {
             // All that a rollout's prediction will depend on, so that none has a longer past than training ever showed.
             network.block = self.sequence.unwrap_or(network.reach().max(SEQUENCE)).max(history);
         }
-        // Before the width of a rival is looked for by counting its parameters.
-        network.check().map_err(wrong)?;
-        let network = self.variant.network(network);
         network.check().map_err(wrong)?;
         Ok(network)
     }

@@ -26,7 +26,7 @@ settings! {
         base: Base = Base::State, Words(&["state", "trapezoid"]);
         /// What tokens hold: own (the paper), or moving: also velocities and nearness of contact points, and angles without a seam
         view: View = View::Own, Words(&["own", "moving"]);
-        /// NeRD, one of the designs it is compared with (paper A.3.3), or chain, for cables: rod by rod, through many frames
+        /// What moves: nerd, a whole robot, or chain, for cables: rod by rod, through many frames
         variant: Variant = Variant::Nerd, Words(Variant::WORDS);
         /// Width of the network (the paper: 192, or 384)
         embedding: usize = 192, Whole(EMBEDDING);

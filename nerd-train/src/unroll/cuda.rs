@@ -80,11 +80,10 @@ impl<B: OnCard> CudaUnrollLearner<B> {
         course.check()?;
         let (body, train, frames, rows) = (&course.body, &course.train, course.frames, ranks.part(config.batch));
         state.weights.config.check().map_err(LearnError::Mismatch)?;
-        // The loss is not the head's.
-        let plan = Plan::new(state.weights.config.program(), body.tokens(), false)?;
+        let plan = Plan::new(state.weights.config.program(), body.tokens())?;
         let mut network = Network::new(plan, rows.len(), precision, true)?;
         let colliders = train.scenes.iter().map(|scene| scene.colliders.len()).max().unwrap_or(0);
-        let text = body.program(system, rows.len(), colliders).map_err(LearnError::Mismatch)?;
+        let text = body.program(system, rows.len(), colliders);
         let last = B::CARRIED.then_some("unroll_end");
         network.device.add(&(text + include_str!("sums.cuh")), &KERNELS.into_iter().chain(last).collect::<Vec<_>>())?;
         let (d, n, widths) = (&network.device, rows.len(), body.widths());
@@ -164,7 +163,7 @@ impl<B: OnCard> CudaUnrollLearner<B> {
             let rest = [Double(weight), upstream, Ptr(self.losses.ptr), tokens, kept];
             self.along("unroll_behind", &[&[states, Int(k), Int(later)][..], &rest].concat())?;
             net.forward(w, n)?;
-            self.each("unroll_said", &[states, Int(k), outputs, upstream, Ptr(net.slope())])?;
+            self.each("unroll_said", &[states, Int(k), outputs, upstream, Ptr(net.targets.ptr)])?;
             net.backward(w, self.of_frame.ptr, n, Some(self.by_tokens.ptr))?;
             self.along("unroll_back", &[states, Int(k), outputs, kept, Ptr(self.by_tokens.ptr), upstream])?;
             let p = self.of_frame.len;

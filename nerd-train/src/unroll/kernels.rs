@@ -30,10 +30,7 @@ pub trait OnCard: Body {
     /// Of its rows.
     fn widths(&self) -> Widths;
     /// The text for so many rollouts, in scenes of at most so many colliders.
-    ///
-    /// # Errors
-    /// What of it has no kernel.
-    fn program(&self, system: &Arc<System>, rollouts: usize, colliders: usize) -> Result<String, String>;
+    fn program(&self, system: &Arc<System>, rollouts: usize, colliders: usize) -> String;
     /// A scene as numbers.
     fn record(&self, system: &System, scene: &Scene, colliders: usize) -> Result<Vec<f64>, String>;
     /// A view as numbers.

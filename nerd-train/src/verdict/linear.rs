@@ -79,7 +79,7 @@ pub(super) fn with(model: &Model, map: Linear) -> Box<dyn Solver> {
 
 /// What a model's predictions are added to, alone: where that is the state, nothing moves; by the trapezoid rule all go on as they do.
 pub(super) fn base(model: &Model, system: &System) -> Box<dyn Solver> {
-    if matches!(model.config.base, Base::State | Base::Nothing) {
+    if model.config.base == Base::State {
         return Box::new(Hold);
     }
     let (inputs, outputs) = (model.config.network.inputs, model.config.network.outputs);

@@ -98,7 +98,7 @@ pub fn verdict(system: &Arc<System>, scene: &Arc<Scene>, model: &Model, protocol
             Ok(Row { of: of.into(), errors: summary(system, &report.error), microseconds, diverged: report.diverged })
         };
         let name = match model.config.base {
-            Base::State | Base::Nothing => "base alone (hold last)",
+            Base::State => "base alone (hold last)",
             Base::Trapezoid => "base alone (constant velocity)",
         };
         let base = row(name, linear::base(model, system))?;

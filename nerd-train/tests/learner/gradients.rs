@@ -8,15 +8,13 @@ use nerd_train::windows::Windows;
 
 use crate::common::{LEARNER, NETWORK, windows};
 
-/// Shapes with and without a table, a band narrower than the sequence, heads of widths that are no whole vector; and the rivals.
-const SHAPES: [TransformerConfig; 7] = [
+/// Shapes with and without a table, a band narrower than the sequence, heads of widths that are no whole vector; without attention.
+const SHAPES: [TransformerConfig; 5] = [
     NETWORK,
     TransformerConfig { embedding: 36, heads: 3, layers: 3, block: 7, head: 5, ..NETWORK },
     TransformerConfig { block: 11, history: 3, layers: 2, positions: Positions::Rotary, ..NETWORK },
     TransformerConfig { embedding: 60, heads: 6, block: 9, history: 9, positions: Positions::Rotary, ..NETWORK },
-    TransformerConfig { architecture: Architecture::Mlp, ..NETWORK },
-    TransformerConfig { architecture: Architecture::Gru, layers: 2, ..NETWORK },
-    TransformerConfig { architecture: Architecture::Lstm, layers: 2, ..NETWORK },
+    TransformerConfig { architecture: Architecture::Residual, ..NETWORK },
 ];
 
 /// The usual ones, cut for a network's sequences; weights far enough from 0 that attention is no mean.

@@ -15,8 +15,8 @@ fn losses_on_a_card_follow_the_cpus() {
     }
     let device = BurnDevice::wgpu(DeviceKind::DefaultDevice);
     let rotary = TransformerConfig { positions: Positions::Rotary, history: 2, ..NETWORK };
-    let gru = TransformerConfig { architecture: Architecture::Gru, ..NETWORK };
-    for (network, huber) in [(NETWORK, None), (rotary, Some(0.5)), (gru, None)] {
+    let residual = TransformerConfig { architecture: Architecture::Residual, ..NETWORK };
+    for (network, huber) in [(NETWORK, None), (rotary, Some(0.5)), (residual, None)] {
         let (config, state) = (LearnerConfig { huber, ..LEARNER }, LearnerState::new(Weights::init(network, 3)));
         let [train, validation] = [windows(0.0), windows(0.5)];
         let mut cpu = CpuLearner::new(config, state.clone(), [train.clone(), validation.clone()]).expect("windows fit");

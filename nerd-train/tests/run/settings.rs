@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use nerd_model::base::Base;
 use nerd_model::folder::{Model, ModelConfig};
 use nerd_model::form::Form;
-use nerd_model::transformer::{Architecture, TransformerConfig};
+use nerd_model::transformer::Architecture;
 use nerd_sim::dataset::Part;
 use nerd_sim::prelude::*;
-use nerd_train::run::{Recipe, Run, RunConfig, Variant};
+use nerd_train::run::{Recipe, Run, RunConfig};
 use nerd_train::settings::{Given, Settings};
 
 fn given(pairs: &[(&str, serde_json::Value)]) -> Given {
@@ -43,8 +43,7 @@ fn every_shipped_recipe_can_be_read_and_each_run_starts_from_the_one_before() {
             assert!(run.finish && run.transitions == 1000 && frames >= 6000, "{name}, run {}: {run:?}", k + 1);
             if !run.robot.is_empty() {
                 let system = System::named(&run.robot).expect("built in");
-                let form = run.variant.form(Form { base: run.base, view: run.view });
-                run.network(&system, form).unwrap_or_else(|e| panic!("{name}, run {}: {e}", k + 1));
+                run.network(&system, Form { base: run.base, view: run.view }).unwrap_or_else(|e| panic!("{name}, run {}: {e}", k + 1));
             }
         }
     }
@@ -158,20 +157,6 @@ fn a_model_is_on_its_runs_base_and_of_its_robots_truth() {
         assert_eq!(once, train("again", 0, false), "{robot}: the same run made another model");
         assert_ne!(once, train("streamed", 0, true), "{robot}: streaming changes nothing");
         train("fresh", 32, false);
-    }
-}
-
-#[test]
-fn rivals_have_as_many_parameters_as_nerd() {
-    for (inputs, outputs) in [(37, 4), (215, 29)] {
-        let paper = TransformerConfig::paper(inputs, outputs, 192);
-        let nerd = TransformerConfig { embedding: 48, layers: 2, heads: 4, block: 16, ..paper };
-        for variant in [Variant::Mlp, Variant::Gru, Variant::Lstm] {
-            let rival = variant.network(nerd);
-            let share = rival.parameters() as f64 / nerd.parameters() as f64;
-            assert!((0.95..=1.0).contains(&share), "{variant:?} of {inputs} inputs has {share:.3} of NeRD's parameters");
-            rival.check().expect("a shape that can be");
-        }
     }
 }
 

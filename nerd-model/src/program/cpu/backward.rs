@@ -3,7 +3,7 @@
 //! Of `y = x W'`, `W' = diag(w) W`: `dx = dy W'^T`, `dW' = x^T dy`, `dW = diag(w) dW'` and `dw_i = sum_j dW'_ij W_ij`.
 
 use super::elementwise::{normalize_back, sum_rows};
-use super::{Loaded, Matrix, Memory, activate, cell, neighbours, taken};
+use super::{Loaded, Matrix, Memory, activate, neighbours, taken};
 use crate::program::{Op, Step, Weight};
 
 impl Loaded {
@@ -14,14 +14,10 @@ impl Loaded {
 
     /// Of a product, `W'^T`.
     fn turned(&self, i: usize) -> Option<&Matrix> {
-        let Step { from, to, op } = self.program.steps[i];
-        let (wide, folded) = match op {
-            Op::Linear { scale: Some(_), .. } => (to, &self.folded[i][..]),
-            Op::Linear { weight, .. } => (to, self.tensor(weight)),
-            Op::Cell { weight, .. } => (from, self.tensor(weight)),
-            _ => return None,
-        };
-        Some(self.back[i].get_or_init(|| Matrix::of_transpose(self.program.width(wide), folded)))
+        let Step { to, op, .. } = self.program.steps[i];
+        let Op::Linear { weight, scale, .. } = op else { return None };
+        let folded = if scale.is_some() { &self.folded[i][..] } else { self.tensor(weight) };
+        Some(self.back[i].get_or_init(|| Matrix::of_transpose(self.program.width(to), folded)))
     }
 
     /// Gradient by the parameters from that by the predictions, after [`super::Pass::Kept`] of as many tokens; gradient by the tokens too,
@@ -59,7 +55,7 @@ impl Loaded {
                 let (inner, outer) = (self.program.width(from), self.program.width(to));
                 let (n, w) = (dy.len() / outer, self.tensor(weight));
                 cut.cut(n, &dy);
-                cut.across(x, false, &mut gradient[range(weight)]);
+                cut.across(x, &mut gradient[range(weight)]);
                 if let Some(bias) = bias {
                     sum_rows(&dy, &mut gradient[range(bias)]);
                 }
@@ -96,12 +92,6 @@ impl Loaded {
                 activate::backward(f, x, y, &mut dx);
             }
             Op::Gate => activate::gate_back(x, self.program.width(from), &dy, &mut dx),
-            Op::Cell { weight, bias, lstm } => {
-                // The bias follows its matrix.
-                let (d_weight, d_bias) = gradient[range(weight).start..range(bias).end].split_at_mut(range(weight).len());
-                let weight = self.turned(i).expect("a cell has a product");
-                cell::Backward { tokens, lstm, weight, kept: &aside[i], out: y }.run(&dy, cut, d_weight, d_bias, &mut dx);
-            }
         }
         if to == from || matches!(op, Op::Linear { add: true, .. }) {
             slopes[to.0] = dy;

@@ -6,7 +6,6 @@
 mod activate;
 mod attend;
 mod backward;
-mod cell;
 mod elementwise;
 mod matrix;
 mod neighbours;
@@ -68,10 +67,7 @@ impl Loaded {
     pub fn new(program: Program, flat: &[f32]) -> Self {
         let mut ends = vec![0; program.widths.len()];
         program.steps.iter().enumerate().for_each(|(i, step)| [step.from, step.to].iter().for_each(|slot| ends[slot.0] = i));
-        let mixing = program
-            .steps
-            .iter()
-            .rposition(|step| matches!(step.op, Op::Place(_) | Op::Attend { .. } | Op::Neighbours(_) | Op::Cell { .. }));
+        let mixing = program.steps.iter().rposition(|step| matches!(step.op, Op::Place(_) | Op::Attend { .. } | Op::Neighbours(_)));
         let (starts, folded) = (program.starts(), vec![Vec::new(); program.steps.len()]);
         let mut loaded = Self { program, starts, folded, ends, mixing, ..Self::default() };
         loaded.load(flat);
@@ -89,11 +85,7 @@ impl Loaded {
     }
 
     fn cut(&self, op: Op, folded: &mut Vec<f32>) -> Option<Matrix> {
-        let (weight, scale) = match op {
-            Op::Linear { weight, scale, .. } => (weight, scale),
-            Op::Cell { weight, .. } => (weight, None),
-            _ => return None,
-        };
+        let Op::Linear { weight, scale, .. } = op else { return None };
         let (inner, values) = (self.program.tensors[weight.0].shape[0], self.tensor(weight));
         let Some(scale) = scale else { return Some(Matrix::new(inner, values)) };
         folded.clear();
@@ -173,10 +165,6 @@ impl Loaded {
             Op::Neighbours(apart) => neighbours::forward(&x, width, pass.tokens().unwrap_or(1), apart, &mut y),
             Op::Activate(f) => activate::forward(f, keep, &mut x, &mut y),
             Op::Gate => activate::gate(&x, width, &mut y),
-            Op::Cell { bias, lstm, .. } => {
-                let panels = self.panels[i].as_ref().expect("panels of every product");
-                cell::forward(&x, pass.tokens().unwrap_or(1), panels, self.tensor(bias), lstm, aside, &mut y);
-            }
         }
         if !keep && self.ends[from.0] == i && x.capacity() > 0 {
             spare.push(std::mem::take(&mut x));

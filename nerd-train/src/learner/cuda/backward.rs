@@ -47,24 +47,15 @@ struct Walk<'a> {
 }
 
 impl Network {
-    /// Where the gradient by predictions is, or that by the hidden layer of a head.
-    pub fn slope(&self) -> u64 {
-        if let Some(Part::Head { from, .. }) = self.plan.parts.last() { self.at(*from) } else { self.targets.ptr }
-    }
-
-    /// The gradient by the parameters at `w`, to `g`, from [`Network::slope`], after [`Network::forward`] of so many rows; that by tokens
-    /// `[rows][T][inputs]` too, if it is to go somewhere. What no step reads keeps the gradient that it has.
+    /// The gradient by the parameters at `w`, to `g`, from that by the predictions in `targets`, after [`Network::forward`] of so many rows;
+    /// that by tokens `[rows][T][inputs]` too, if it is to go somewhere. What no step reads keeps the gradient that it has.
     pub fn backward(&self, w: u64, g: u64, rows: usize, by_tokens: Option<u64>) -> Result<(), DeviceError> {
         let Some(back) = &self.back else { return Err(DeviceError("the network was built without a backward pass".into())) };
         let buffers = back.buffers.borrow().len();
         let slopes = vec![None; self.plan.program.widths.len()];
         let (free, read) = ((0..buffers).collect(), vec![false; buffers]);
         let mut walk = Walk { net: self, back, rows, slopes, free, read, waiting: Vec::new() };
-        let last = match self.plan.parts.last() {
-            Some(Part::Head { from, .. }) => *from,
-            _ => self.plan.program.predictions(),
-        };
-        walk.slopes[last.0] = Some(Slope { at: self.slope(), buffer: None });
+        walk.slopes[self.plan.program.predictions().0] = Some(Slope { at: self.targets.ptr, buffer: None });
         walk.slopes[0] = by_tokens.map(|at| Slope { at, buffer: None });
         for i in (0..self.plan.parts.len()).rev() {
             walk.part(i, w, g)?;
@@ -108,13 +99,11 @@ impl Walk<'_> {
                 let gradient = |weight| net.tensor(g, weight);
                 net.sum_rows(self.slope(slot)?.at, self.rows, plan.width(slot), bias.map(gradient), positions.map(gradient))
             }
-            Part::Step(step) => self.step(i, step, w, g),
-            // Its gradients come with the loss.
-            Part::Head { .. } => Ok(()),
+            Part::Step(step) => self.step(i, step, w),
         }
     }
 
-    fn step(&mut self, i: usize, Step { from, to, op }: Step, w: u64, g: u64) -> Result<(), DeviceError> {
+    fn step(&mut self, i: usize, Step { from, to, op }: Step, w: u64) -> Result<(), DeviceError> {
         let (net, plan, d) = (self.net, &self.net.plan, &self.net.device);
         let (n, width) = (self.rows * plan.tokens, plan.width(from));
         let dy = self.slope(to)?;
@@ -135,7 +124,7 @@ impl Walk<'_> {
         match op {
             Op::Norm => {
                 let earlier = before.map_or(0, |slope| slope.at);
-                let args = [Ptr(dy.at), Ptr(net.at(to)), Ptr(net.saved[i][0].ptr), Ptr(earlier), Ptr(dx.at), Int(n)];
+                let args = [Ptr(dy.at), Ptr(net.at(to)), Ptr(net.saved[i].ptr), Ptr(earlier), Ptr(dx.at), Int(n)];
                 d.launch("norm_backward", (n.div_ceil(8), 1), (256, 1), 0, &args)?;
                 self.free.extend(before.and_then(|slope| slope.buffer));
             }
@@ -151,18 +140,6 @@ impl Walk<'_> {
                 let quads = n * width / 8;
                 let args = [Ptr(net.at(from)), Ptr(dy.at), Ptr(dx.at), Int(width / 2), Long(quads as u64)];
                 net.launch_each("gate_backward", quads, &args)?;
-            }
-            Op::Cell { weight, bias, lstm } => {
-                let e = plan.width(to);
-                let dv = if lstm { dx } else { self.fresh(n * width)? };
-                let [dh, dc] = [self.fresh(self.rows * e)?, self.fresh(self.rows * e)?];
-                let slopes = [dy, dx, dv, dh, dc].map(|slope| slope.at);
-                net.cell_back(&net.saved[i], (self.rows, e, lstm), net.tensor(w, weight), slopes)?;
-                let size = Size { rows: n, inner: e, columns: width };
-                self.gradient(Gradient { x: (net.saved[i][0].ptr, e), dy: dv, to: net.tensor(g, weight), size });
-                self.give()?;
-                net.sum_rows(dv.at, self.rows, width, Some(net.tensor(g, bias)), None)?;
-                self.free.extend([dh, dc].iter().chain((!lstm).then_some(&dv)).filter_map(|slope| slope.buffer));
             }
             Op::Linear { .. } | Op::Place(_) | Op::Activate(_) => {}
         }

@@ -3,26 +3,19 @@
 use nerd_cuda::Arg::{Float, Int, Long, Ptr};
 use nerd_cuda::DeviceError;
 
-use super::network::{LOSS_BLOCKS, Network, SUMS};
-use super::plan::Part;
+use super::network::{Network, SUMS};
 
+/// Most blocks of a loss, each of which writes a partial sum.
+const LOSS_BLOCKS: usize = 264;
 /// Most rows of partial sums in [`Network::sum_rows`].
 const CHUNKS: usize = 256;
 
 impl Network {
     /// Of the first `n` tokens: writes the sum of squared errors after the gradient vector at `g`, and the gradient of the loss, a mean over
-    /// `all` tokens ([`crate::learner::LearnerConfig::huber`]), over the targets. With a fused head, that by the hidden layer is written
-    /// over the hidden layer, and the head's three tensors get their gradients.
-    pub fn loss(&self, w: u64, n: usize, all: usize, huber: Option<f32>, g: u64) -> Result<(), DeviceError> {
+    /// `all` tokens ([`crate::learner::LearnerConfig::huber`]), over the targets.
+    pub fn loss(&self, n: usize, all: usize, huber: Option<f32>, g: u64) -> Result<(), DeviceError> {
         let (outputs, partial) = (self.plan.outputs(), Ptr(self.partial_sums.ptr));
         let [scale, bend] = [2.0 / (all * outputs) as f32, huber.map_or(0.0, |d| (d * d).recip())].map(Float);
-        if let Some(Part::Head { from, bias, .. }) = self.plan.parts.last().copied() {
-            let (blocks, [b1, w2, b2]) = (n.div_ceil(8).min(LOSS_BLOCKS), self.head_tensors(w, bias).map(Ptr));
-            let args = [Ptr(self.at(from)), b1, w2, b2, Ptr(self.targets.ptr), partial, Int(n), scale, bend];
-            self.device.launch("head_loss", (blocks, 1), (256, 1), 0, &args)?;
-            // The tensors are the last, so the sum of squares comes after their gradients.
-            return self.column_sum(self.partial_sums.ptr, blocks, self.plan.head_columns(), self.tensor(g, bias));
-        }
         let blocks = (n * outputs).div_ceil(256).min(LOSS_BLOCKS);
         let args = [Ptr(self.predictions().ptr), Ptr(self.targets.ptr), partial, Long((n * outputs) as u64), scale, bend];
         self.device.launch("loss", (blocks, 1), (256, 1), 0, &args)?;

@@ -1,18 +1,15 @@
 //! From the steps of a program to the parts of a [`Plan`]: scales folded into matrices, biases and positions fused into the kernel that reads
-//! them, a last hidden layer fused with its loss. What the kernels do not cover is refused.
+//! them. What the kernels do not cover is refused.
 
-use nerd_model::program::{Activation, Op, Program, Slot, Step, Weight};
+use nerd_model::program::{Op, Program, Slot, Step, Weight};
 
 use super::attention::Attention;
 use super::plan::{Part, Plan};
 use crate::learner::LearnError;
 
-/// Floats of a head that fit into a block's fixed shared memory.
-const HEAD_FLOATS: usize = 12 << 10;
-
 impl Plan {
-    /// Refuses what the kernels do not cover; `head`: whether a last hidden layer may be fused with its loss.
-    pub fn new(program: Program, tokens: usize, head: bool) -> Result<Self, LearnError> {
+    /// Refuses what the kernels do not cover.
+    pub fn new(program: Program, tokens: usize) -> Result<Self, LearnError> {
         let (starts, padded) = (program.starts(), program.width(Slot(0)).next_multiple_of(4));
         let mut plan = Self { tokens, parts: Vec::new(), starts, folds: Vec::new(), folded: 0, padded, attention: None, norm: 0, program };
         // Kernels count entries of the flat vector in 31 bits.
@@ -24,9 +21,6 @@ impl Plan {
             plan.add(plan.program.steps[i])?;
         }
         plan.fuse_shifts();
-        if head {
-            plan.fuse_head();
-        }
         if plan.independent_from() == plan.parts.len() {
             return Err(LearnError::Mismatch("the CUDA engine needs a last operation in which tokens are independent".into()));
         }
@@ -88,7 +82,7 @@ impl Plan {
                 self.attention = Some(attention);
             }
             Op::Gate if !self.program.width(to).is_multiple_of(4) => return refuse("a gate of a width that four divides is needed"),
-            Op::Neighbours(_) | Op::Activate(_) | Op::Gate | Op::Cell { .. } => {}
+            Op::Neighbours(_) | Op::Activate(_) | Op::Gate => {}
         }
         self.parts.push(Part::Step(step));
         Ok(())
@@ -104,7 +98,7 @@ impl Plan {
         at
     }
 
-    /// Fuses shifts with the next part: a norm adds a bias and positions, an activation or a cell a bias, if no other step reads the slot.
+    /// Fuses shifts with the next part: a norm adds a bias and positions, an activation a bias, if no other step reads the slot.
     fn fuse_shifts(&mut self) {
         for i in 1..self.parts.len() {
             let (next, steps) = (self.parts[i], &self.program.steps);
@@ -112,31 +106,9 @@ impl Plan {
             let bias_alone = positions.is_none() && steps.iter().filter(|step| step.from == *slot).count() == 1;
             *fused = match next {
                 Part::Step(Step { from, op: Op::Norm, .. }) => from == *slot,
-                Part::Step(Step { from, op: Op::Activate(_) | Op::Cell { .. }, .. }) => from == *slot && bias_alone,
+                Part::Step(Step { from, op: Op::Activate(_), .. }) => from == *slot && bias_alone,
                 _ => false,
             };
-        }
-    }
-
-    /// Makes a last hidden layer with relu and the product after it one part, if it has room.
-    fn fuse_head(&mut self) {
-        let [
-            ..,
-            Part::Linear { .. },
-            Part::Shift { slot: hidden, bias: Some(bias), .. },
-            Part::Step(Step { from, op: Op::Activate(Activation::Relu), .. }),
-            Part::Linear { weight, folded: None, add: false, .. },
-            Part::Shift { slot: to, bias: Some(last), positions: None, .. },
-        ] = self.parts[..]
-        else {
-            return;
-        };
-        // The kernel writes the gradients of these three side by side, and the squared error after them.
-        let in_order = [bias, weight, last].map(|tensor| self.program.tensors.len() - tensor.0) == [3, 2, 1];
-        let (width, outputs) = (self.program.width(hidden), self.program.width(to));
-        if from == hidden && in_order && width * (outputs + 1) + outputs < HEAD_FLOATS {
-            self.parts.truncate(self.parts.len() - 4);
-            self.parts.push(Part::Head { from: hidden, to, bias });
         }
     }
 }
@@ -147,6 +119,7 @@ fn refuse<T>(what: &str) -> Result<T, LearnError> {
 
 #[cfg(test)]
 mod tests {
+    use nerd_model::program::Activation;
     use nerd_model::program::specimens::TOKENS;
     use nerd_model::transformer::Init;
 
@@ -160,7 +133,7 @@ mod tests {
             build(&mut p, x);
             let y = p.predictions();
             p.linear("last", y, 2, [Init::Constant(0.0); 2]);
-            Plan::new(p, TOKENS, true).err().map(|e| e.to_string())
+            Plan::new(p, TOKENS).err().map(|e| e.to_string())
         };
         let all: [fn(&mut Program, Slot); 4] = [
             // Heads of seven columns; a slot that two steps read which add to no gradient; norms of two widths; a product that

@@ -7,7 +7,6 @@
 
 mod attention;
 mod backward;
-mod cell;
 mod forward;
 mod loss;
 mod lowering;

@@ -14,8 +14,6 @@ use super::plan::{Part, Plan};
 use super::source::source;
 use crate::learner::LearnError;
 
-/// Most blocks of a loss, each of which writes a row of partial sums.
-pub(super) const LOSS_BLOCKS: usize = 264;
 /// Floats of partial sums over rows, unless one row of them has more.
 pub(super) const SUMS: usize = 1 << 17;
 
@@ -25,7 +23,7 @@ pub(crate) struct Network {
     pub plan: Plan,
     /// Most windows of a pass.
     pub rows: usize,
-    /// Targets `[rows][T][outputs]`; after a loss without a fused head, the gradient by the predictions.
+    /// Targets `[rows][T][outputs]`; after a loss, the gradient by the predictions.
     pub targets: Buffer<f32>,
     /// Values of slots; the first buffer has the tokens, `[rows][T][padded]`.
     values: Vec<Buffer<f32>>,
@@ -38,9 +36,8 @@ pub(crate) struct Network {
     folds: Buffer<[i32; 4]>,
     /// Cosine and sine of rotary positions.
     pub(super) rotations: Buffer<[f32; 2]>,
-    /// By part: a norm's reciprocal deviations; a cell's states before each token, what its backward pass needs, and the states' products
-    /// for the gates.
-    pub(super) saved: Vec<Vec<Buffer<f32>>>,
+    /// By part, a norm's reciprocal deviations.
+    pub(super) saved: Vec<Buffer<f32>>,
     pub(super) partial_sums: Buffer<f32>,
     /// The kernel that makes a whole pass, of a program that has one.
     pub(super) whole: Option<Whole>,
@@ -84,18 +81,9 @@ impl Network {
         }
         let n = rows * plan.tokens;
         let zeros = |len: usize| device.zeros::<f32>(len.next_multiple_of(4));
-        let saved = |part: &Part| -> Result<Vec<_>, DeviceError> {
-            match *part {
-                Part::Step(Step { op: Op::Norm, .. }) => Ok(vec![zeros(n)?]),
-                Part::Step(Step { from, to, op: Op::Cell { .. } }) => {
-                    let (gates, e) = (plan.width(from), plan.width(to));
-                    Ok(vec![zeros(n * e)?, zeros(n * (gates + e))?, zeros(rows * gates)?])
-                }
-                _ => Ok(Vec::new()),
-            }
-        };
+        let saved = |part: &Part| zeros(if matches!(part, Part::Step(Step { op: Op::Norm, .. })) { n } else { 0 });
         let widest = plan.program.widths.iter().max().copied().unwrap_or(0);
-        let partial_sums = (LOSS_BLOCKS * plan.head_columns()).max(SUMS).max(plan.tokens * widest);
+        let partial_sums = SUMS.max(plan.tokens * widest);
         let chosen = if plan.tokens > 1 && !train { plan.live(plan.independent_from()) } else { Vec::new() };
         let back = || Ok::<_, DeviceError>(BackwardMemory { buffers: RefCell::default(), fork: device.event()?, join: device.event()? });
         Ok(Self {
@@ -152,9 +140,9 @@ impl Network {
         self.device.write(&self.values[0], &self.staging)
     }
 
-    /// Address of a slot's values; 0 for a slot inside a fused kernel, which has none.
+    /// Address of a slot's values.
     pub fn at(&self, slot: Slot) -> u64 {
-        self.values.get(self.buffer_of[slot.0]).map_or(0, |rows| rows.ptr)
+        self.values[self.buffer_of[slot.0]].ptr
     }
 
     pub(super) fn addresses(&self) -> Vec<u64> {

@@ -33,16 +33,16 @@ pub(super) fn activation_kernels(f: Activation) -> [&'static str; 2] {
 }
 
 impl Network {
-    /// Values of all slots over windows, as a backward pass needs them. A fused head is left to [`Network::loss`].
+    /// Values of all slots over windows, as a backward pass needs them.
     pub fn forward(&self, w: u64, rows: usize) -> Result<(), DeviceError> {
         self.forward_from(self.at(Slot(0)), w, rows)
     }
 
     /// The same for tokens at another address, padded as slot 0 is.
     pub fn forward_from(&self, tokens: u64, w: u64, rows: usize) -> Result<(), DeviceError> {
-        let (parts, mut at) = (self.plan.parts.len() - usize::from(self.plan.head().is_some()), self.addresses());
+        let mut at = self.addresses();
         at[0] = tokens;
-        self.run(w, 0..parts, &at, rows * self.plan.tokens, &|_, qkv, out| self.attention(rows, qkv, out))
+        self.run(w, 0..self.plan.parts.len(), &at, rows * self.plan.tokens, &|_, qkv, out| self.attention(rows, qkv, out))
     }
 
     /// Predictions for all tokens of windows. The one kernel of a program that has one keeps no other slot.
@@ -51,8 +51,7 @@ impl Network {
             let args = [Ptr(w), Ptr(self.at(Slot(0))), Ptr(self.predictions().ptr), Int(rows)];
             return self.device.launch("whole_pass", (rows.div_ceil(whole.windows), 1), (whole.threads, 1), whole.shared, &args);
         }
-        let (all, n) = (self.plan.parts.len(), rows * self.plan.tokens);
-        self.run(w, 0..all, &self.addresses(), n, &|_, qkv, out| self.attention(rows, qkv, out))
+        self.forward(w, rows)
     }
 
     /// Predictions for one token of each window, whose number in its window is at `tokens`.
@@ -96,12 +95,7 @@ impl Network {
                     attend(attentions, at[from.0], at[to.0])?;
                     attentions += 1;
                 }
-                Part::Step(step) => self.run_step(w, i, step, [at[step.from.0], at[step.to.0]], n, shift)?,
-                Part::Head { from, to, bias } => {
-                    let [b1, w2, b2] = self.head_tensors(w, bias).map(Ptr);
-                    let args = [Ptr(at[from.0]), b1, w2, b2, Ptr(at[to.0]), Int(n)];
-                    self.device.launch("head_predict", (n.div_ceil(8), 1), (256, 1), 0, &args)?;
-                }
+                Part::Step(step) => self.run_step(i, step, [at[step.from.0], at[step.to.0]], n, shift)?,
             }
             shift = [Ptr(0); 2];
         }
@@ -109,11 +103,11 @@ impl Network {
     }
 
     /// The step that is part `i`, from `n` rows at `x` to rows at `y`; `shift`, a bias and positions, is added to x first.
-    fn run_step(&self, w: u64, i: usize, step: Step, [x, y]: [u64; 2], n: usize, shift: [Arg; 2]) -> Result<(), DeviceError> {
+    fn run_step(&self, i: usize, step: Step, [x, y]: [u64; 2], n: usize, shift: [Arg; 2]) -> Result<(), DeviceError> {
         let (from, to) = (self.plan.width(step.from), self.plan.width(step.to));
         match step.op {
             Op::Norm => {
-                let args = [Ptr(x), shift[0], shift[1], Ptr(y), Ptr(self.saved[i][0].ptr), Int(n)];
+                let args = [Ptr(x), shift[0], shift[1], Ptr(y), Ptr(self.saved[i].ptr), Int(n)];
                 self.device.launch("norm_forward", (n.div_ceil(8), 1), (256, 1), 0, &args)
             }
             Op::Neighbours(apart) => {
@@ -126,10 +120,6 @@ impl Network {
             Op::Gate => {
                 let quads = n * to / 4;
                 self.launch_each("gate_forward", quads, &[Ptr(x), Ptr(y), Int(to), Long(quads as u64)])
-            }
-            Op::Cell { weight, bias, lstm } => {
-                let tensors = [weight, bias].map(|weight| self.tensor(w, weight));
-                self.cell(&self.saved[i], (n / self.plan.tokens, to, lstm), tensors, (x, shift[0]), y)
             }
             // `run` has other parts for the first two, and calls `attend` for the third.
             Op::Linear { .. } | Op::Place(_) | Op::Attend { .. } => Ok(()),
@@ -147,10 +137,5 @@ impl Network {
 
     fn attention(&self, windows: usize, qkv: u64, out: u64) -> Result<(), DeviceError> {
         self.plan.attention.map_or(Ok(()), |a| a.forward(&self.device, windows, qkv, out, self.rotations.ptr))
-    }
-
-    /// The head's hidden bias, matrix and bias in the flat vector at `w`.
-    pub(super) fn head_tensors(&self, w: u64, bias: Weight) -> [u64; 3] {
-        [0, 1, 2].map(|k| self.tensor(w, Weight(bias.0 + k)))
     }
 }

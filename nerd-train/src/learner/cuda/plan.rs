@@ -18,8 +18,6 @@ pub(super) enum Part {
     Shift { slot: Slot, bias: Option<Weight>, positions: Option<Weight>, fused: bool },
     /// Any other step.
     Step(Step),
-    /// Predictions `relu(z + bias) W + c`; W and c are the tensors after the bias, and the last.
-    Head { from: Slot, to: Slot, bias: Weight },
 }
 
 /// A program for windows of so many tokens.
@@ -42,24 +40,24 @@ pub(crate) struct Plan {
 
 /// Where the values of slots are.
 pub(super) struct Layout {
-    /// By slot, its buffer; `usize::MAX` for a slot inside a fused kernel.
+    /// By slot, its buffer.
     pub buffer_of: Vec<usize>,
     /// By buffer, floats of a row.
     pub widths: Vec<usize>,
 }
 
 impl Plan {
-    /// For a network; the last hidden layer and the product after it are one kernel where they can be.
+    /// For a network.
     pub fn of(config: &TransformerConfig, tokens: usize) -> Result<Self, LearnError> {
         config.check().map_err(LearnError::Mismatch)?;
-        Self::new(config.program(), tokens, true)
+        Self::new(config.program(), tokens)
     }
 
     /// For one token at a time. Refuses a network that needs whole windows; attention within a band works from kept keys and values.
     pub fn stream(config: &TransformerConfig) -> Result<Self, LearnError> {
         let plan = Self::of(config, 1)?;
         let streams = |op: &Op| match op {
-            Op::Place(_) | Op::Neighbours(_) | Op::Cell { .. } => false,
+            Op::Place(_) | Op::Neighbours(_) => false,
             Op::Attend { heads, band } => band.is_some() && config.embedding <= 32 * heads,
             Op::Linear { .. } | Op::Norm | Op::Activate(_) | Op::Gate => true,
         };
@@ -94,21 +92,11 @@ impl Plan {
         self.parts.windows(2).any(fused)
     }
 
-    /// Width of the head's hidden layer, if there is a head.
-    pub fn head(&self) -> Option<usize> {
-        self.parts.iter().find_map(|part| if let Part::Head { from, .. } = part { Some(self.program.width(*from)) } else { None })
-    }
-
-    /// Floats of the gradients of the head's tensors and of the squared error.
-    pub fn head_columns(&self) -> usize {
-        self.head().map_or(1, |hidden| (hidden + 1) * (self.outputs() + 1))
-    }
-
     /// The first part from which on no token depends on another or on its position.
     pub fn independent_from(&self) -> usize {
         let mixes = |part: &Part| match part {
             Part::Shift { positions, .. } => positions.is_some(),
-            Part::Step(step) => matches!(step.op, Op::Attend { .. } | Op::Neighbours(_) | Op::Cell { .. }),
+            Part::Step(step) => matches!(step.op, Op::Attend { .. } | Op::Neighbours(_)),
             _ => false,
         };
         // The part that a shift is fused with mixes, too.
@@ -149,14 +137,14 @@ impl Part {
     /// The slot that is written.
     pub fn to(&self) -> Slot {
         match *self {
-            Self::Linear { to, .. } | Self::Step(Step { to, .. }) | Self::Head { to, .. } | Self::Shift { slot: to, .. } => to,
+            Self::Linear { to, .. } | Self::Step(Step { to, .. }) | Self::Shift { slot: to, .. } => to,
         }
     }
 
     fn reads(&self, slot: Slot) -> bool {
         match *self {
             Self::Linear { from, to, add, .. } => from == slot || add && to == slot,
-            Self::Step(Step { from, .. }) | Self::Head { from, .. } | Self::Shift { slot: from, .. } => from == slot,
+            Self::Step(Step { from, .. }) | Self::Shift { slot: from, .. } => from == slot,
         }
     }
 }
@@ -172,12 +160,11 @@ mod tests {
     #[test]
     fn slots_that_share_a_buffer_are_never_live_together() {
         for specimen in operations().into_iter().chain(networks()) {
-            let plan = Plan::new(specimen.program, TOKENS, true).expect("a plan");
+            let plan = Plan::new(specimen.program, TOKENS).expect("a plan");
             let Layout { buffer_of, widths } = plan.layout(false);
             for i in 0..plan.parts.len() {
                 // Nor with the slot that part i writes: it must not overwrite what it reads.
-                let live = plan.live(i).into_iter().chain([plan.parts[i].to()]).map(|slot| slot.0);
-                let slots: BTreeSet<usize> = live.filter(|slot| buffer_of[*slot] != usize::MAX).collect();
+                let slots: BTreeSet<usize> = plan.live(i).into_iter().chain([plan.parts[i].to()]).map(|slot| slot.0).collect();
                 let buffers: BTreeSet<usize> = slots.iter().map(|slot| buffer_of[*slot]).collect();
                 assert_eq!(buffers.len(), slots.len(), "{}, part {i}", specimen.name);
                 assert!(slots.iter().all(|slot| widths[buffer_of[*slot]] == plan.width(Slot(*slot))), "{}, part {i}", specimen.name);

@@ -23,7 +23,7 @@ impl CudaProgram {
     /// [`LearnError::Mismatch`] if the kernels do not cover the program, [`LearnError::Device`] if there is no GPU, a library is missing
     /// or memory runs out.
     pub fn new(program: Program, flat: &[f32], precision: Precision, windows: usize, tokens: usize) -> Result<Self, LearnError> {
-        let plan = Plan::new(program, tokens, false)?;
+        let plan = Plan::new(program, tokens)?;
         let by_tokens = windows * tokens * plan.inputs();
         let (network, weights) = Network::with_weights(plan, flat, windows, precision, true)?;
         let d = &network.device;

@@ -50,7 +50,7 @@ enum Engine {
 /// A model as a solver of `system`; the device is opened at its first step. What is not the network of a chain has 64 bits, whatever `real`.
 ///
 /// # Errors
-/// What of the model has no kernel: networks that see windows, other bases than the state and the trapezoid, other views than the robot's own.
+/// What of the model has no kernel: networks that see windows.
 pub fn resident(model: Model, system: &Arc<System>, real: Real, precision: Precision) -> Result<OnDevice<Frames>, String> {
     let network = model.config.network;
     let refused = |e: LearnError| e.to_string();
@@ -62,7 +62,7 @@ pub fn resident(model: Model, system: &Arc<System>, real: Real, precision: Preci
         (Some((chain, ChainSolver::scale(&model.normalizer)?)), ArticulatedConfig::implicit(1, Friction::Coulomb))
     } else {
         Plan::stream(&network).map_err(refused)?;
-        (None, settings(model.config.form())?)
+        (None, settings())
     };
     Ok(OnDevice::by(Frames { model, chain, config, real, precision, made: None }))
 }
@@ -98,8 +98,7 @@ impl Motion for Frames {
                 Engine::Chain(network, weights, rods)
             }
             None => {
-                let text = program(self.model.config.form(), &self.model.normalizer, &batch.system, self.real, reach.colliders)
-                    .map_err(StepError::Solver)?;
+                let text = program(self.model.config.form(), &self.model.normalizer, &batch.system, self.real, reach.colliders);
                 let mut stream = CudaStream::new(weights, self.precision, envs).map_err(solver)?;
                 stream.network.device.add(&text, &["neural_tell", "neural_apply"]).map_err(failed)?;
                 Engine::Stream(stream)

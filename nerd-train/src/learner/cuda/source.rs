@@ -14,17 +14,14 @@ pub(super) fn source(plan: &Plan) -> (String, Vec<&'static str>) {
         (true, include_str!("kernels/optimiser.cu")),
         (*norm > 0, include_str!("kernels/norm.cu")),
         (attention.is_some(), include_str!("kernels/attention.cu")),
-        (plan.head().is_some(), include_str!("kernels/head.cu")),
         (any(|op| matches!(op, Op::Activate(_))), include_str!("kernels/activate.cu")),
         (any(|op| matches!(op, Op::Gate)), include_str!("kernels/gate.cu")),
-        (any(|op| matches!(op, Op::Cell { .. })), include_str!("kernels/cell.cu")),
         (any(|op| matches!(op, Op::Neighbours(_))), include_str!("kernels/neighbours.cu")),
     ];
     let texts: Vec<&'static str> = texts.into_iter().filter(|(has, _)| *has).map(|(_, text)| text).collect();
     let constants = format!(
-        "constexpr int T = {tokens}, IN = {inputs}, LDX = {padded}, OUT = {outputs}, NORM = {norm}, HID = {};\n\
+        "constexpr int T = {tokens}, IN = {inputs}, LDX = {padded}, OUT = {outputs}, NORM = {norm};\n\
          constexpr bool BIASED = {};\n{}\n",
-        plan.head().unwrap_or(0),
         plan.biased(),
         attention.map_or(String::new(), |attention| attention.constants()),
     );

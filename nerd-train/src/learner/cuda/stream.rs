@@ -25,7 +25,7 @@ impl CudaStream {
     /// Copies `weights` to the device, with memory for `envs` environments.
     ///
     /// # Errors
-    /// [`LearnError::Mismatch`] if the network sees windows (positions are a table, cells restart) or the kernels do not cover it,
+    /// [`LearnError::Mismatch`] if the network sees windows (positions are a table) or the kernels do not cover it,
     /// [`LearnError::Device`] if there is no GPU, a library is missing or memory runs out.
     pub fn new(weights: &Weights, precision: Precision, envs: usize) -> Result<Self, LearnError> {
         let (network, weights) = Network::with_weights(Plan::stream(&weights.config)?, &weights.flat, envs, precision, false)?;

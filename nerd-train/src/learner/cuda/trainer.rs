@@ -113,7 +113,7 @@ impl CudaLearner {
         self.gather(&self.train, rows, Choice::Drawn { scalars: own.scalars(), seed, first: self.rows.start })?;
         net.fold(w)?;
         net.forward(w, rows)?;
-        net.loss(w, rows * net.plan.tokens, batch * net.plan.tokens, huber, g)?;
+        net.loss(rows * net.plan.tokens, batch * net.plan.tokens, huber, g)?;
         Ok(net.backward(w, g, rows, None)?)
     }
 
@@ -164,7 +164,7 @@ impl Learner for CudaLearner {
             self.gather(&self.validation, rows, Choice::These(numbers.at(first)))?;
             net.forward(w, rows)?;
             // Every update overwrites the gradients.
-            net.loss(w, rows * tokens, rows * tokens, None, gradients.ptr)?;
+            net.loss(rows * tokens, rows * tokens, None, gradients.ptr)?;
             let error = gradients.at(net.plan.parameters());
             net.device.launch("add_loss", (1, 1), (1, 1), 0, &[Ptr(error), Ptr(self.total.ptr)])?;
         }

@@ -88,7 +88,7 @@ impl CudaEngine {
         let (team, sizes) = (Team::new(ranks, config.environments), sizes(config));
         let (own, rows) = (team.part.len(), room(&team, config));
         // An observation is a window of one token.
-        let plan = Plan::new(shape.program(), 1, false)?;
+        let plan = Plan::new(shape.program(), 1)?;
         let (padded, parameters) = (plan.padded, plan.parameters());
         let mut net = Network::new(plan, rows.max(own), Precision::F32, true)?;
         net.device.add(&SOURCE.concat(), &KERNELS)?;

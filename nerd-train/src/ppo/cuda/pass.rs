@@ -20,7 +20,7 @@ impl CudaEngine {
         net.forward(w, rows)?;
         let Steps { advantages, goals, values, surprise, actions, means, spreads, .. } = &self.steps;
         let read = [self.said(), self.parameter(), order, actions.ptr, surprise.ptr, advantages.ptr, goals.ptr, values.ptr];
-        let written = [means.ptr, spreads.ptr, net.slope(), self.spread.ptr, self.terms.ptr];
+        let written = [means.ptr, spreads.ptr, net.targets.ptr, self.spread.ptr, self.terms.ptr];
         let numbers = [config.clip, config.critic, config.bounds, config.entropy, config.value_clip].map(Float);
         let sizes = [rows, whole, a, self.shape.outputs()].map(Int);
         self.over("ppo_loss", rows, &[&read.map(Ptr)[..], &written.map(Ptr)[..], &sizes, &numbers].concat())?;

@@ -19,7 +19,7 @@ impl OnCard for Cable {
         Widths { state: numbers(&self.chain), kept: 4 * rods, inputs: rods * INPUTS, torques: 6, threads }
     }
 
-    fn program(&self, system: &Arc<System>, _: usize, colliders: usize) -> Result<String, String> {
+    fn program(&self, system: &Arc<System>, _: usize, colliders: usize) -> String {
         let mut text = chain_functions(&self.chain, &self.scale, system, colliders);
         let loss = &self.loss;
         for (name, x) in [("SHARE", loss.share), ("BY_RATE", loss.rate), ("BY_SPEED", loss.velocity), ("ASTRAY", ASTRAY)] {
@@ -27,7 +27,7 @@ impl OnCard for Cable {
         }
         let led: Vec<String> = loss.gripper.iter().map(|x| format!("{x:e}")).collect();
         let _ = writeln!(text, "TABLE double BY_LED[] = {{{}}};", led.join(", "));
-        Ok(text + include_str!("../shared.cuh") + include_str!("chain.cuh") + include_str!("chain_frame.cuh"))
+        text + include_str!("../shared.cuh") + include_str!("chain.cuh") + include_str!("chain_frame.cuh")
     }
 
     fn record(&self, system: &System, scene: &Scene, colliders: usize) -> Result<Vec<f64>, String> {

@@ -19,18 +19,18 @@ impl OnCard for Robot {
         Widths { state: robot.state_dim(), kept: 0, inputs, torques: robot.joint_count(), threads: None }
     }
 
-    fn program(&self, system: &Arc<System>, rollouts: usize, colliders: usize) -> Result<String, String> {
-        let mut text = token_functions(self.form, &self.normalizer, system, Real::F64, colliders)?;
+    fn program(&self, system: &Arc<System>, rollouts: usize, colliders: usize) -> String {
+        let mut text = token_functions(self.form, &self.normalizer, system, Real::F64, colliders);
         let _ = writeln!(text, "#define SHARE {SHARE:e}\n#define ROLLOUTS {rollouts}");
         for (name, numbers) in [("UNIT", &self.units), ("COUNTS", &self.weights)] {
             let numbers: Vec<String> = numbers.iter().map(|x| format!("{x:e}")).collect();
             let _ = writeln!(text, "TABLE double {name}[] = {{{}}};", numbers.join(", "));
         }
-        Ok(text + include_str!("../shared.cuh") + include_str!("robot.cuh") + include_str!("robot_frame.cuh"))
+        text + include_str!("../shared.cuh") + include_str!("robot.cuh") + include_str!("robot_frame.cuh")
     }
 
     fn record(&self, system: &System, scene: &Scene, colliders: usize) -> Result<Vec<f64>, String> {
-        record(scene, system, &settings(self.form)?, Reach { colliders, ..Reach::default() })
+        record(scene, system, &settings(), Reach { colliders, ..Reach::default() })
     }
 
     fn numbers((): &()) -> [f64; 4] {

@@ -11,9 +11,6 @@ struct Scalars {
     float lr, bad_loss, scale, rate, root, blend;
 };
 
-// max(x, 0), of what is not a number that: fmaxf would take 0.
-__device__ __forceinline__ float relu(float x) { return x < 0.0f ? 0.0f : x; }
-
 __device__ __forceinline__ float warp_sum(float v) {
 #pragma unroll
     for (int o = 16; o > 0; o /= 2) v += __shfl_xor_sync(0xffffffffu, v, o);
