@@ -9,7 +9,6 @@ use super::state::{from_mujoco, to_mujoco};
 use crate::prelude::*;
 
 const REFEREE: &str = include_str!("referee.py");
-const WARP: &str = include_str!("warp.py");
 /// Every coordinate of a state that MuJoCo has given up: past what counts as diverged.
 const GONE: f64 = 2e5;
 
@@ -29,8 +28,6 @@ pub struct Played {
     pub frames: Vec<Vec<f64>>,
     /// Seconds of stepping all starts over all frames on one core: of a few runs the fastest; 0 if not timed.
     pub seconds: f64,
-    /// Starts that were given up in the timed run, of MuJoCo Warp.
-    pub lost: usize,
 }
 
 #[derive(Serialize)]
@@ -46,11 +43,9 @@ struct Setting {
     integrator: Scheme,
     substeps: usize,
     timed: bool,
-    plain: bool,
-    worlds: usize,
 }
 
-/// What either script says first.
+/// What the script says first.
 #[derive(Deserialize)]
 struct Version {
     version: String,
@@ -60,17 +55,11 @@ struct Version {
 struct Rolled {
     states: Vec<Vec<Option<Vec<f64>>>>,
     seconds: f64,
-    #[serde(default)]
-    lost: usize,
 }
 
 /// MuJoCo at work on one model from the same starts, at one setting after another.
 pub struct Referee {
     pub version: String,
-    /// Of MuJoCo Warp: whether friction is what MuJoCo's defaults make it, pyramids that creep, in place of cones (that hold, where there are drives).
-    pub plain: bool,
-    /// Environments of a timed run on a GPU; 0: the starts.
-    pub worlds: usize,
     robot: Robot,
     pub(super) python: Python,
 }
@@ -79,16 +68,6 @@ impl Referee {
     /// Starts `python` on the robots and scenes of a batch, to roll out `frames` frames from its states, with its drives, which must be those
     /// of its first environment everywhere. Robot and scene are taken from the first; largest velocities of joints are not kept.
     pub fn new(python: &Path, batch: &Batch, frames: usize) -> Result<Self> {
-        Self::by(REFEREE, python, batch, frames)
-    }
-
-    /// MuJoCo Warp, the same engine in 32 bits on a GPU: every start is a world, and all of them run side by side. It makes no frames one
-    /// by one.
-    pub fn warp(python: &Path, batch: &Batch, frames: usize) -> Result<Self> {
-        Self::by(WARP, python, batch, frames)
-    }
-
-    fn by(script: &str, python: &Path, batch: &Batch, frames: usize) -> Result<Self> {
         let (system, first) = (&batch.system, batch.driven(0));
         if (1..batch.len()).any(|env| batch.driven(env) != first) {
             bail!("drives differ between environments, which the referee of MuJoCo does not take");
@@ -98,17 +77,17 @@ impl Referee {
         let starts = (0..batch.len()).map(|env| to_mujoco(&robot, batch.state(env))).collect();
         let mjcf = mjcf(system, batch.scenes.first().unwrap_or(&free), first)?;
         let request = Request { mjcf, frame_time: system.frame_time, frames, starts };
-        let mut python = Python::start(python, script)?;
+        let mut python = Python::start(python, REFEREE)?;
         let Version { version } = python.ask(&request)?;
-        Ok(Self { version, plain: false, worlds: 0, robot, python })
+        Ok(Self { version, robot, python })
     }
 
     /// Rolls out at one setting: `substeps` steps of `integrator` a frame.
     pub fn play(&mut self, integrator: Scheme, substeps: usize, timed: bool) -> Result<Played> {
-        let setting = Setting { integrator, substeps, timed, plain: self.plain, worlds: self.worlds };
-        let Rolled { states, seconds, lost } = self.python.ask(&setting)?;
+        let setting = Setting { integrator, substeps, timed };
+        let Rolled { states, seconds } = self.python.ask(&setting)?;
         let robot = &self.robot;
         let state = |s: Option<Vec<f64>>| s.map_or_else(|| vec![GONE; robot.state_dim()], |s| from_mujoco(robot, &s));
-        Ok(Played { frames: states.into_iter().map(|frame| frame.into_iter().flat_map(state).collect()).collect(), seconds, lost })
+        Ok(Played { frames: states.into_iter().map(|frame| frame.into_iter().flat_map(state).collect()).collect(), seconds })
     }
 }

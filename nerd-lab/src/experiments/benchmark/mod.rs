@@ -1,5 +1,5 @@
 //! Solvers on a graphics card beside the CPU's: errors and frames a second of the articulated solver and of models, whose batch
-//! never leaves the card, and of MuJoCo Warp where a Python has it.
+//! never leaves the card.
 
 #[cfg(feature = "cuda")]
 mod pace;
@@ -22,8 +22,6 @@ settings! {
         substeps: Vec<usize> = vec![1, 2, 4, 8, 16, 32], Wholes(SUBSTEPS);
         /// Substeps of the explicit step, of Runge-Kutta where nothing touches, comma-separated
         explicit: Vec<usize> = vec![16, 64, 256], Wholes(SUBSTEPS);
-        /// Python that has MuJoCo Warp, to measure that engine too [default: none]
-        warp: Option<PathBuf> = None, Text;
         /// Seed of the starts
         seed: u64 = 500, Whole(SEEDS);
     }
@@ -64,23 +62,18 @@ impl Experiment for Benchmark {
 
     #[cfg(feature = "cuda")]
     fn measure(&self) -> Result<Measured> {
-        let (mut paces, mut version) = (Vec::new(), None);
+        let mut paces = Vec::new();
         let bar = nerd_train::progress::bar("robots", self.robots.len() as u64);
         for (k, (robot, scene)) in self.pairs()?.into_iter().enumerate() {
             bar.set(k as u64);
             let course = pace::Course::new(robot, scene, self)?;
             let mut own = course.ours(&self.settings(robot, course.touching()))?;
-            if let Some(python) = &self.warp {
-                let (found, guests) = course.warp(python)?;
-                version = Some(found);
-                own.extend(guests);
-            }
             pace::mark(&mut own);
             paces.extend(own);
         }
         bar.finish();
-        let table = pace::table(&paces, self, version.as_deref());
-        let mut measured = Measured::new(&serde_json::json!({ "paces": &paces, "warp": version }), vec![table])?;
+        let table = pace::table(&paces, self);
+        let mut measured = Measured::new(&serde_json::json!({ "paces": &paces }), vec![table])?;
         for (robot, scene) in self.pairs()? {
             measured = measured.with(format!("{robot}-{scene}"), pace::figure(&paces, &format!("{robot}, {scene}"), self.environments));
         }

@@ -8,19 +8,15 @@ use nerd_train::device::resident;
 use nerd_train::learner::cuda::Precision;
 
 use super::Benchmark;
-use crate::mujoco::{Referee, Scheme};
 use crate::prelude::*;
 use crate::report::{Mark, unbeaten};
 use crate::roll::{begun, idle, rolled};
-use nerd_train::cost::powers;
 
 /// Frames after which most robots touch something: there rollouts begin.
 const FALL: usize = 25;
 /// Frames of a rollout whose error is measured, and at every how many of them it is looked at.
 const FRAMES: usize = 100;
 const LOOK: usize = 10;
-/// Most steps of MuJoCo Warp in a frame; its reference has four times as many.
-const STEPS: usize = 32;
 
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Pace {
@@ -95,27 +91,6 @@ impl<'a> Course<'a> {
         Ok(paces)
     }
 
-    /// MuJoCo Warp: its version, and its steps a frame against a run of its own.
-    pub fn warp(&self, python: &Path) -> Result<(String, Vec<Pace>)> {
-        let mut warp = Referee::warp(python, &self.batch, FRAMES)?;
-        warp.worlds = self.asked.environments;
-        let looks = |frames: Vec<Vec<f64>>| -> Vec<Vec<f64>> { frames.into_iter().skip(LOOK - 1).step_by(LOOK).collect() };
-        let mut paces = Vec::new();
-        // Where nothing is damped, implicitfast is Euler.
-        for (plain, series) in [(false, "MuJoCo Warp"), (true, "MuJoCo Warp, its default friction")] {
-            warp.plain = plain;
-            let truth = looks(warp.play(Scheme::Euler, 4 * STEPS, false)?.frames);
-            for steps in powers(STEPS) {
-                let played = warp.play(Scheme::Euler, steps, true)?;
-                let errors = [None, Some(distance(&self.system, &truth, &looks(played.frames)))];
-                let frames = [None, Some((self.asked.environments * FRAMES) as f64 / played.seconds)];
-                let (of, series, label, lost) = (self.of.clone(), series.into(), format!("x{steps}"), played.lost);
-                paces.push(Pace { of, series, label, errors, frames, lost, front: false });
-            }
-        }
-        Ok((warp.version.clone(), paces))
-    }
-
     fn crowd(&self, n: usize) -> Batch {
         let mut crowd = Batch::new(&self.system, &self.batch.scenes[0], n);
         let d = self.system.robot.state_dim();
@@ -171,7 +146,7 @@ impl Pace {
     }
 }
 
-pub(super) fn table(paces: &[Pace], asked: &Benchmark, warp: Option<&str>) -> Table {
+pub(super) fn table(paces: &[Pace], asked: &Benchmark) -> Table {
     let cell = |x: Option<f64>| or_dash(x.map(digits));
     let lines = paces.iter().map(|p| {
         let [[on_cpu, on_card], [slow, fast]] = [p.errors, p.frames].map(|pair| pair.map(cell));
@@ -188,14 +163,11 @@ pub(super) fn table(paces: &[Pace], asked: &Benchmark, warp: Option<&str>) -> Ta
             front,
         ]
     });
-    let guest = warp.map_or_else(String::new, |version| {
-        format!(" MuJoCo {version} is compared with its own converged run, all others with ours; its time is that of its steps alone.")
-    });
     let note = format!(
         "No torques. Error: mean distance of configurations from `converged` over {FRAMES} frames, {} rollouts that begin {FALL} frames after a \
          start. Frames/s: {} environments together, on all cores of the CPU with 64 bits over {LOOK} frames, and on the card, which holds them for \
-         {FRAMES} frames, with 32 bits; transfers are counted. Lost: environments that were given up.{guest} Front (*): no other setting is faster and \
-         nearer to its reference.",
+         {FRAMES} frames, with 32 bits; transfers are counted. Lost: environments that were given up. Front (*): no other setting is faster and \
+         nearer.",
         asked.rollouts, asked.environments,
     );
     let header =
