@@ -183,15 +183,10 @@ impl Walk<'_> {
         self.free.extend(self.slopes[slot.0].take().and_then(|slope| slope.buffer));
     }
 
+    /// A buffer for a slot's gradient: one that nobody reads, or a new one, or where there are some already the one that is free for longest.
     fn take(&mut self, slot: Slot) -> Result<Slope, DeviceError> {
-        let slope = self.fresh(self.rows * self.net.plan.tokens * self.net.plan.width(slot))?;
-        self.slopes[slot.0] = Some(slope);
-        Ok(slope)
-    }
-
-    /// A buffer of this length: one that nobody reads, or a new one, or where there are some already the one that is free for longest.
-    fn fresh(&mut self, len: usize) -> Result<Slope, DeviceError> {
-        let (len, mut buffers) = (len.next_multiple_of(4), self.back.buffers.borrow_mut());
+        let len = (self.rows * self.net.plan.tokens * self.net.plan.width(slot)).next_multiple_of(4);
+        let mut buffers = self.back.buffers.borrow_mut();
         let long = |buffer: &usize| buffers[*buffer].0.len == len;
         let idle = self.free.iter().position(|buffer| long(buffer) && !self.read[*buffer]);
         let some = (0..buffers.len()).filter(long).count() >= SOME;
@@ -207,6 +202,7 @@ impl Walk<'_> {
         let slope = Slope { at: buffers[buffer].0.ptr, buffer: Some(buffer) };
         drop(buffers);
         self.settle(slope)?;
+        self.slopes[slot.0] = Some(slope);
         Ok(slope)
     }
 
