@@ -18,7 +18,7 @@ impl Policies {
         for task in tasks {
             let (model, truth) = self.host(&task)?;
             let learned = Arena::Model { folder: model, device: self.device };
-            for (word, arena, seeds) in [("neural", learned, &self.fresh), ("truth", Arena::Truth(truth), &self.truth_seeds)] {
+            for (word, arena, seeds) in [("neural", learned, &self.fresh), ("truth", self.home(truth), &self.truth_seeds)] {
                 let config = arena.settings(&task, Some(&self.recipe), None)?;
                 for seed in seeds {
                     let out = self.runs.join(format!("{task}-{word}-{seed}"));
@@ -28,6 +28,15 @@ impl Policies {
             }
         }
         Ok(runs)
+    }
+
+    /// Where policies of the truth are trained: on the card, where it can be.
+    fn home(&self, truth: Truth) -> Arena {
+        #[cfg(feature = "cuda")]
+        if self.device.is_cuda() && truth == Truth::Articulated {
+            return Arena::Card(Setting::Accurate);
+        }
+        Arena::Truth(truth)
     }
 
     /// How many policies the protocol has, and what it depends on: they are its own.
