@@ -4,7 +4,8 @@
 //! `[state in its own frame, normals (3 C), scene points (3 C), depths (C), torques, gravity direction (3)]`, contact
 //! quantities masked to zero beyond `xi`; for any other robot: `[state, torques]`. A scene pays only for what it has.
 //! With [`View::Moving`] it also holds the velocity of each contact point (3 C, m/s), masked likewise, and
-//! how near it is now and a frame ahead (2 C), 1 beyond `xi`; of angles that wrap sine and, at the end, cosine.
+//! how near it is now and a frame ahead (2 C), 1 beyond `xi`; after gravity the x and y axes of every link but the first (6); at the end
+//! sine and cosine of every angle, the sine of one that wraps in its place.
 //! The target is the change over the frame, seen from the frame of the token: additive for positions, joints and velocities (angles
 //! wrapped), a quaternion from the left for the orientation of a floating root. [`Base`] says from where it counts.
 //!
@@ -18,7 +19,7 @@ use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use nerd_core::contact::{ContactEvent, ContactPoint};
 use nerd_core::dynamics::{Data, kinematics, link_pose, velocities};
 use nerd_core::frames::RootFrame;
-use nerd_core::robot::Robot;
+use nerd_core::robot::{Joint, JointKind, Robot};
 use nerd_core::state::{quaternion, wrap, wrap_state, write_quaternion};
 use nerd_sim::system::System;
 
@@ -57,9 +58,9 @@ impl Features {
     pub fn inputs(system: &System, form: impl Into<Form>) -> usize {
         let Form { view, .. } = form.into();
         let plain = system.robot.state_dim() + system.robot.joint_count();
-        let a_point = if view == View::Moving { 12 } else { 7 };
-        let plain = plain + if view == View::Moving { system.robot.joints().filter(|joint| joint.wraps()).count() } else { 0 };
-        if Self::situated(&system.robot) && view != View::Blind { plain + a_point * system.robot.contact_points.len() + 3 } else { plain }
+        let (a_point, axes) = if view == View::Moving { (12, 6 * (system.robot.links.len() - 1)) } else { (7, 0) };
+        let plain = plain + if view == View::Moving { system.robot.joints().map(waves).sum() } else { 0 };
+        if Self::situated(&system.robot) && view != View::Blind { plain + a_point * system.robot.contact_points.len() + 3 + axes } else { plain }
     }
 
     /// Width of a prediction.
@@ -94,7 +95,7 @@ impl Features {
         } else {
             self.near.copy_from_slice(state);
         }
-        let cosines = self.seamless();
+        let waves = self.waves();
         let mut rest = out;
         let mut put = |x: &[f64]| {
             let (now, later) = std::mem::take(&mut rest).split_at_mut(x.len());
@@ -104,7 +105,7 @@ impl Features {
         put(&self.near);
         if self.form.view == View::Blind || !situated {
             put(torques);
-            return put(&cosines);
+            return put(&waves);
         }
         // The mask zeroes what the network sees, not the world: a zero event is not one at the frame's origin.
         let seen = |k: usize| contacts[k].distance < system.robot.contact_points[k].threshold();
@@ -130,22 +131,29 @@ impl Features {
         put(torques);
         let norm = gravity.norm();
         put((frame.direction(gravity) / if norm > 0.0 { norm } else { 1.0 }).as_slice());
-        put(&cosines);
+        if self.form.view == View::Moving {
+            let own = self.data.rotation[0];
+            for rotation in &self.data.rotation[1..] {
+                put(&own.tr_mul(rotation).as_slice()[..6]);
+            }
+        }
+        put(&waves);
     }
 
-    /// Of angles that wrap, sines in their place in `near`, and the cosines.
-    fn seamless(&mut self) -> Vec<f64> {
+    /// What stands at the end of a token: sines and cosines of angles. The sine of one that wraps takes its place in `near`.
+    fn waves(&mut self) -> Vec<f64> {
         let robot = &self.system.robot;
-        if self.form.view != View::Moving {
-            return Vec::new();
+        let mut end = Vec::new();
+        for (joint, q) in robot.joints().zip(&mut self.near[robot.root_coords()..]).filter(|_| self.form.view == View::Moving) {
+            let (sin, cos) = q.sin_cos();
+            match waves(joint) {
+                0 => continue,
+                1 => *q = sin,
+                _ => end.push(sin),
+            }
+            end.push(cos);
         }
-        let wraps = robot.joints().enumerate().filter(|(_, joint)| joint.wraps());
-        let turn = |(i, _)| {
-            let (sin, cos) = f64::sin_cos(self.near[robot.root_coords() + i]);
-            self.near[robot.root_coords() + i] = sin;
-            cos
-        };
-        wraps.map(turn).collect()
+        end
     }
 
     /// How fast each contact point moves (m/s), world axes, into `velocities`.
@@ -220,6 +228,11 @@ impl Features {
         }
         frame.state_out(robot, &self.far, next);
     }
+}
+
+/// Numbers that a joint has at the end of a token of [`View::Moving`].
+pub(crate) fn waves(joint: &Joint) -> usize {
+    if joint.wraps() { 1 } else { 2 * usize::from(joint.kind != JointKind::Prismatic) }
 }
 
 /// How near a gap (m) is: -1 deep inside, 0 where surfaces meet, 1 far away; steepest where they meet.

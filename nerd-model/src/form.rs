@@ -12,7 +12,7 @@ pub enum View {
     /// The robot's own frame (paper A.1).
     #[default]
     Own,
-    /// The robot's own frame; angles that wrap enter as sine and cosine, contact points with their velocities and how near they are.
+    /// The robot's own frame; every angle enters as sine and cosine, too, contact points with their velocities and how near they are.
     Moving,
     /// World axes and origin, for states, contacts, gravity and targets alike: the paper's equation 1.
     World,

@@ -20,7 +20,7 @@ use nerd_core::robot::Robot;
 use nerd_core::spatial::{Motion, Wrench};
 use nerd_core::state::vector;
 
-use crate::features::{Features, nearness_slope};
+use crate::features::{Features, nearness_slope, waves};
 use crate::form::View;
 
 /// What a token is made of.
@@ -52,16 +52,17 @@ pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f64], data: &mut Data,
     take(robot.root_coords());
     let by_angles = take(joints);
     slope[nv..].iter_mut().zip(take(nv)).for_each(|(s, g)| *s += *g);
-    let cosines = if moving { robot.joints().filter(|joint| joint.wraps()).count() } else { 0 };
-    let mut cosine = by_token.len() - cosines;
-    for (i, (joint, by)) in robot.joints().zip(by_angles).enumerate() {
-        if moving && joint.wraps() {
-            let (sin, cos) = state[robot.root_coords() + i].sin_cos();
-            slope[dofs + i] += by * cos - by_token[cosine] * sin;
-            cosine += 1;
-        } else {
-            slope[dofs + i] += by;
-        }
+    let ends: Vec<usize> = robot.joints().map(|joint| if moving { waves(joint) } else { 0 }).collect();
+    let mut end = &by_token[by_token.len() - ends.iter().sum::<usize>()..];
+    for (i, (count, by)) in ends.into_iter().zip(by_angles).enumerate() {
+        let (own, later) = end.split_at(count);
+        let (sin, cos) = state[robot.root_coords() + i].sin_cos();
+        slope[dofs + i] += match *own {
+            [by_cos] => by * cos - by_cos * sin,
+            [by_sin, by_cos] => by + by_sin * cos - by_cos * sin,
+            _ => *by,
+        };
+        end = later;
     }
     if !Features::situated(robot) {
         return;
@@ -114,7 +115,15 @@ pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f64], data: &mut Data,
         }
     }
     take(joints);
-    turn += three(take(3), 0).cross(&r.tr_mul(&(gravity / gravity.norm().max(f64::MIN_POSITIVE))));
+    let by_gravity = three(take(3), 0);
+    for link in 1..if moving { loads.len() } else { 0 } {
+        for (column, by) in data.rotation[link].column_iter().zip([take(3), take(3)]) {
+            let (axis, by) = (column.into_owned(), vector(by));
+            turn += by.cross(&r.tr_mul(&axis));
+            loads[link].ang += axis.cross(&(r * by));
+        }
+    }
+    turn += by_gravity.cross(&r.tr_mul(&(gravity / gravity.norm().max(f64::MIN_POSITIVE))));
     let at = o - data.origin;
     loads[0] += Wrench::force_at(r * shift, &at);
     loads[0].ang += r * turn;

@@ -14,7 +14,7 @@ use nerd_sim::articulated::{ArticulatedConfig, Friction};
 use nerd_sim::system::System;
 
 use crate::base::Base;
-use crate::features::{Features, NEAR};
+use crate::features::{Features, NEAR, waves};
 use crate::form::{Form, View};
 use crate::normalizer::Normalizer;
 
@@ -60,6 +60,8 @@ pub fn token_functions(form: Form, normalizer: &Normalizer, system: &Arc<System>
         let entries: Vec<String> = numbers.into_iter().chain([0.0]).map(|x| format!("({kind}){x:e}")).collect();
         let _ = writeln!(text, "TABLE {kind} {name}[] = {{{}}};", entries.join(", "));
     };
+    let ends = |joint| if form.view == View::Moving { waves(joint) as f64 } else { 0.0 };
+    table("int", "WAVES", robot.joints().map(ends).collect());
     table("real", "SEEN", robot.contact_points.iter().map(|p| p.threshold()).collect());
     table("real", "MEAN", inputs.mean.clone());
     table("real", "SCALE", inputs.scale().collect());

@@ -1,6 +1,6 @@
 // Before and after the network, as features.rs and frame.rs have it: contacts and the token of a frame; then the state that lies a
 // prediction from the state before. Sizes and tables come from the host: INPUTS of a token, LDX numbers from one to the next, SITUATED,
-// MOVING, FRAME_TIME, NEAR, TRAPEZOID, SEEN (threshold of a contact point), MEAN and SCALE of a token, SHIFT and STRETCH of a prediction.
+// MOVING, FRAME_TIME, NEAR, TRAPEZOID, SEEN (threshold of a contact point), WAVES (sines and cosines of a joint at the end of a token), MEAN and SCALE of a token, SHIFT and STRETCH of a prediction.
 
 constexpr int STATE = NQ + NV;
 
@@ -26,6 +26,8 @@ FN double nearness(double gap) { return gap / sqrt(gap * gap + NEAR * NEAR); }
 FN double gap(const Event& e, int p, V3 speed, int ahead) {
     return e.distance - RADIUS[p] + (ahead ? FRAME_TIME * dot(e.normal, speed) : 0);
 }
+
+FN V3 column(const M3& a, int k) { return v3(a.m[k], a.m[3 + k], a.m[6 + k]); }
 
 // Writes a token, number by number, normalised.
 struct Writer { float* out; int k; };
@@ -59,7 +61,7 @@ BIG void tell(const double* state, const double* tau, const double* scene, float
     }
     for (int i = 0; i < NJ; i++) {
         const double q = state[COORDS + i];
-        put(out, MOVING && WRAPS[i] ? sin(q) : SITUATED && WRAPS[i] ? wrapped(q) : q);
+        put(out, WAVES[i] == 1 ? sin(q) : SITUATED && WRAPS[i] ? wrapped(q) : q);
     }
     if (DOFS) {
         put(out, back(r, v3(t.qd[0], t.qd[1], t.qd[2])));
@@ -88,8 +90,16 @@ BIG void tell(const double* state, const double* tau, const double* scene, float
         const V3 g = v3((real)scene[0], (real)scene[1], (real)scene[2]);
         const real length = norm(g);
         put(out, back(r, g * (1 / (length > 0 ? length : 1))));
+        for (int i = 1; MOVING && i < NL; i++) {
+            const M3& m = t.rotation[i];
+            put(out, back(r, column(m, 0)));
+            put(out, back(r, column(m, 1)));
+        }
     }
-    for (int i = 0; i < NJ; i++) if (MOVING && WRAPS[i]) put(out, cos(state[COORDS + i]));
+    for (int i = 0; i < NJ; i++) {
+        if (WAVES[i] == 2) put(out, sin(state[COORDS + i]));
+        if (WAVES[i]) put(out, cos(state[COORDS + i]));
+    }
     for (int k = INPUTS; k < LDX; k++) token[k] = 0;
 }
 

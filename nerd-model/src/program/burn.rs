@@ -60,6 +60,10 @@ impl BurnNetwork {
                 Op::Activate(Activation::Relu) => relu(x),
                 Op::Activate(Activation::Tanh) => x.tanh(),
                 Op::Activate(Activation::Elu) => relu(x.clone()) + x.clamp_max(0.0).exp() - 1.0,
+                Op::Gate => {
+                    let half = x.dims()[1] / 2;
+                    gelu(x.clone().narrow(1, 0, half)) * x.narrow(1, half, half)
+                }
                 Op::Cell { weight, bias, lstm } => cell(x, tokens, self.matrix(weight), self.row(bias), lstm),
             };
             slots[step.to.0] = Some(y);

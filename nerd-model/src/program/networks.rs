@@ -62,14 +62,25 @@ fn transformer(c: &TransformerConfig) -> Program {
     head(p, x, c)
 }
 
-/// The Transformer of a single token: attention over one key is the value itself, so it is left out.
+/// The Transformer of a single token: attention over one key is the value itself, so it is left out. Its perceptrons are gated, since
+/// dynamics is full of products: `x += W_down (gelu(a) b)`, `[a b] = W_gated LN(x)`, a and b of three times the width. The head is
+/// linear, `W_out LN(x) + b_out`.
 fn residual(c: &TransformerConfig) -> Program {
     let (small, scaled) = (Init::Normal(0.02), Init::Normal(0.02 / (c.layers as f64).sqrt()));
     let mut p = Program::new(c.inputs);
     let x = p.linear("embed", p.tokens(), c.embedding, [small, Init::Constant(0.0)]);
-    (0..c.layers).for_each(|i| perceptron(&mut p, i, x, [small, scaled]));
-    let x = p.normed("norm", "out", x, c.embedding, small);
-    head(p, x, c)
+    for i in 0..c.layers {
+        let of = |name: &str| format!("blocks.{i}.{name}");
+        let gated = p.normed(&of("norm_mlp"), &of("mlp.gated"), x, 6 * c.embedding, small);
+        let active = p.then(gated, 3 * c.embedding, Op::Gate);
+        p.residual(&of("mlp.down"), active, x, scaled);
+    }
+    let scale = Some(p.tensor("norm.weight", &[c.embedding], Init::Constant(1.0)));
+    let weight = p.tensor("head.weight", &[c.embedding, c.outputs], small);
+    let bias = p.tensor("head.bias", &[c.outputs], Init::Constant(0.0));
+    let x = p.then(x, c.embedding, Op::Norm);
+    p.then(x, c.outputs, Op::Linear { weight, scale, bias: Some(bias), add: false });
+    p
 }
 
 /// `x += W_down gelu(W_up LN(x))` of a block.

@@ -56,6 +56,8 @@ pub enum Op {
     Neighbours(usize),
     /// `y = f(x)`.
     Activate(Activation),
+    /// `y = gelu(a) b` of the halves of `x = [a b]` (Shazeer 2020, arXiv 2002.05202).
+    Gate,
     /// States of a recurrent cell, the oldest token first: x is `u`, the tokens' inputs to its gates, and `v = h W + b` what the state adds
     /// (`recurrent`).
     Cell {

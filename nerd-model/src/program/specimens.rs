@@ -106,6 +106,7 @@ pub fn operations() -> Vec<Specimen> {
         then("relu", 7, Op::Activate(Activation::Relu)),
         then("tanh", 7, Op::Activate(Activation::Tanh)),
         then("elu", 7, Op::Activate(Activation::Elu)),
+        around("gate", 16, |p, x| _ = p.then(x, 8, Op::Gate)),
         cell("GRU", false, 3),
         cell("LSTM", true, 4),
     ]

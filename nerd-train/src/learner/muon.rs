@@ -62,6 +62,11 @@ pub fn hidden(config: &TransformerConfig) -> [Vec<Hidden>; 2] {
         match (place, rest.as_str()) {
             ("blocks", "attn.qkv.weight" | "attn.proj.weight") | ("cells", "state.weight") => square.extend(gates),
             ("blocks", "mlp.up.weight") => wide.push(whole),
+            // Gate and value.
+            ("blocks", "mlp.gated.weight") => {
+                let half = columns / 2;
+                wide.extend([0, half].map(|first| Hidden { offset: offset + first, columns: half, ..whole }));
+            }
             ("blocks", "mlp.down.weight") => wide.push(transposed),
             // A matrix that reads the token itself is not hidden.
             ("cells", "token.weight") if layer != "0" => square.extend(gates),

@@ -150,7 +150,7 @@ impl RunConfig {
             let heads = (embedding / self.head_width.max(1)).max(1);
             match history {
                 1 if !self.stream => {
-                    TransformerConfig { layers, heads: 1, history, block: 1, architecture: Architecture::Residual, ..paper }
+                    TransformerConfig { layers, heads: 1, history, block: 1, head: 1, architecture: Architecture::Residual, ..paper }
                 }
                 _ => TransformerConfig { layers, heads, history, block: self.block.max(history), ..paper },
             }

@@ -24,6 +24,36 @@ pub fn forward(f: Activation, keep: bool, x: &mut Vec<f32>, y: &mut Vec<f32>) {
     }
 }
 
+/// `y = gelu(a) b` of rows `x = [a b]` of a width.
+pub fn gate(x: &[f32], width: usize, y: &mut Vec<f32>) {
+    y.resize(x.len() / 2, 0.0);
+    Arch::new().dispatch(|| {
+        for (x, y) in x.chunks_exact(width).zip(y.chunks_exact_mut(width / 2)) {
+            let (a, b) = x.split_at(width / 2);
+            for ((y, a), b) in y.iter_mut().zip(a).zip(b) {
+                *y = 0.5 * a * (1.0 + erf(a * FRAC_1_SQRT_2)) * b;
+            }
+        }
+    });
+}
+
+/// The gradient by `x` of [`gate`] from the upstream one.
+pub fn gate_back(x: &[f32], width: usize, dy: &[f32], dx: &mut Vec<f32>) {
+    use std::f32::consts::FRAC_2_SQRT_PI;
+    dx.resize(x.len(), 0.0);
+    Arch::new().dispatch(|| {
+        for ((x, dx), dy) in x.chunks_exact(width).zip(dx.chunks_exact_mut(width)).zip(dy.chunks_exact(width / 2)) {
+            let ((a, b), (da, db)) = (x.split_at(width / 2), dx.split_at_mut(width / 2));
+            for ((((a, b), da), db), dy) in a.iter().zip(b).zip(da).zip(db).zip(dy) {
+                let (erf, bell) = erf_and_bell(a * FRAC_1_SQRT_2);
+                let share = 0.5 * (1.0 + erf);
+                *da = dy * b * (share + a * bell * (0.5 * FRAC_1_SQRT_2 * FRAC_2_SQRT_PI));
+                *db = dy * a * share;
+            }
+        }
+    });
+}
+
 /// `active = x (1 + erf(x / sqrt 2)) / 2`, and x becomes the gradient there, so that the backward pass only multiplies.
 fn gelu_and_slope(x: &mut [f32], active: &mut Vec<f32>) {
     use std::f32::consts::FRAC_2_SQRT_PI;

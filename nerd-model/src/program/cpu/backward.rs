@@ -95,6 +95,7 @@ impl Loaded {
                 std::mem::swap(&mut dx, &mut dy);
                 activate::backward(f, x, y, &mut dx);
             }
+            Op::Gate => activate::gate_back(x, self.program.width(from), &dy, &mut dx),
             Op::Cell { weight, bias, lstm } => {
                 // The bias follows its matrix.
                 let (d_weight, d_bias) = gradient[range(weight).start..range(bias).end].split_at_mut(range(weight).len());

@@ -172,6 +172,7 @@ impl Loaded {
             },
             Op::Neighbours(apart) => neighbours::forward(&x, width, pass.tokens().unwrap_or(1), apart, &mut y),
             Op::Activate(f) => activate::forward(f, keep, &mut x, &mut y),
+            Op::Gate => activate::gate(&x, width, &mut y),
             Op::Cell { bias, lstm, .. } => {
                 let panels = self.panels[i].as_ref().expect("panels of every product");
                 cell::forward(&x, pass.tokens().unwrap_or(1), panels, self.tensor(bias), lstm, aside, &mut y);

@@ -147,6 +147,11 @@ impl Walk<'_> {
                 let args = [Ptr(dy.at), Ptr(dx.at), Int(width), Int(apart), Long((n * width) as u64)];
                 net.launch_each("neighbours_backward", n * width, &args)?;
             }
+            Op::Gate => {
+                let quads = n * width / 8;
+                let args = [Ptr(net.at(from)), Ptr(dy.at), Ptr(dx.at), Int(width / 2), Long(quads as u64)];
+                net.launch_each("gate_backward", quads, &args)?;
+            }
             Op::Cell { weight, bias, lstm } => {
                 let e = plan.width(to);
                 let dv = if lstm { dx } else { self.fresh(n * width)? };

@@ -87,7 +87,8 @@ impl Plan {
                 }
                 self.attention = Some(attention);
             }
-            Op::Neighbours(_) | Op::Activate(_) | Op::Cell { .. } => {}
+            Op::Gate if !self.program.width(to).is_multiple_of(4) => return refuse("a gate of a width that four divides is needed"),
+            Op::Neighbours(_) | Op::Activate(_) | Op::Gate | Op::Cell { .. } => {}
         }
         self.parts.push(Part::Step(step));
         Ok(())

@@ -120,6 +120,10 @@ impl Network {
                 let quads = (n * to).div_ceil(4);
                 self.launch_each(activation_kernels(f)[0], quads, &[Ptr(x), shift[0], Ptr(y), Int(to), Long(quads as u64)])
             }
+            Op::Gate => {
+                let quads = n * to / 4;
+                self.launch_each("gate_forward", quads, &[Ptr(x), Ptr(y), Int(to), Long(quads as u64)])
+            }
             Op::Cell { weight, bias, lstm } => {
                 let tensors = [weight, bias].map(|weight| self.tensor(w, weight));
                 self.cell(&self.saved[i], (n / self.plan.tokens, to, lstm), tensors, (x, shift[0]), y)

@@ -61,7 +61,7 @@ impl Plan {
         let streams = |op: &Op| match op {
             Op::Place(_) | Op::Neighbours(_) | Op::Cell { .. } => false,
             Op::Attend { heads, band } => band.is_some() && config.embedding <= 32 * heads,
-            Op::Linear { .. } | Op::Norm | Op::Activate(_) => true,
+            Op::Linear { .. } | Op::Norm | Op::Activate(_) | Op::Gate => true,
         };
         if plan.program.steps.iter().all(|step| streams(&step.op)) {
             return Ok(plan);

@@ -16,6 +16,7 @@ pub(super) fn source(plan: &Plan) -> (String, Vec<&'static str>) {
         (attention.is_some(), include_str!("kernels/attention.cu")),
         (plan.head().is_some(), include_str!("kernels/head.cu")),
         (any(|op| matches!(op, Op::Activate(_))), include_str!("kernels/activate.cu")),
+        (any(|op| matches!(op, Op::Gate)), include_str!("kernels/gate.cu")),
         (any(|op| matches!(op, Op::Cell { .. })), include_str!("kernels/cell.cu")),
         (any(|op| matches!(op, Op::Neighbours(_))), include_str!("kernels/neighbours.cu")),
     ];

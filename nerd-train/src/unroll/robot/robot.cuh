@@ -158,15 +158,15 @@ FN double nearness_slope(double gap) {
 
 // Adds to `slope` what comes to the state through its token.
 BIG void tell_back(const double* state, const double* scene, const float* by, double* slope) {
-    int cosine = INPUTS;
+    int end = INPUTS;
     for (int i = NJ - 1; i >= 0; i--) {
-        const double g = by[COORDS + i] / SCALE[COORDS + i], q = state[COORDS + i];
-        if (MOVING && WRAPS[i]) {
-            cosine--;
-            slope[DOFS + i] += g * cos(q) - by[cosine] / SCALE[cosine] * sin(q);
-        } else {
-            slope[DOFS + i] += g;
-        }
+        const double q = state[COORDS + i];
+        double g = by[COORDS + i] / SCALE[COORDS + i];
+        if (WAVES[i] == 1) g *= cos(q);
+        end -= WAVES[i];
+        if (WAVES[i] == 2) g += by[end] / SCALE[end] * cos(q);
+        if (WAVES[i]) g -= by[end + WAVES[i] - 1] / SCALE[end + WAVES[i] - 1] * sin(q);
+        slope[DOFS + i] += g;
     }
     for (int i = 0; i < NV; i++) slope[NV + i] += by[NQ + i] / SCALE[NQ + i];
     if (!SITUATED) return;
@@ -219,6 +219,13 @@ BIG void tell_back(const double* state, const double* scene, const float* by, do
     const V3 g = v3(scene[0], scene[1], scene[2]);
     const double length = norm(g);
     turn = turn + cross(three(by, STATE + (MOVING ? 12 : 7) * NP + NJ), back(r, g * (1 / (length > 0 ? length : 1))));
+    for (int i = 1; MOVING && i < NL; i++) {
+        for (int k = 0; k < 2; k++) {
+            const V3 axis = column(t.rotation[i], k), g = three(by, STATE + 12 * NP + NJ + 3 + 6 * (i - 1) + 3 * k);
+            turn = turn + cross(g, back(r, axis));
+            load[i].ang = load[i].ang + cross(axis, r * g);
+        }
+    }
     const V3 push = r * shift;
     load[0] = load[0] + wrench(r * turn + cross(o, push), push);
     onto(t, load, slope);
