@@ -13,7 +13,8 @@ pub struct Entry {
     make: fn(&Given) -> Result<Box<dyn Experiment>>,
 }
 
-pub static REGISTRY: [Entry; 4] = [
+pub static REGISTRY: [Entry; 5] = [
+    entry::<super::ablations::Ablations>("ablations", "The paper's Figure A.2: NeRD with one design decision taken back at a time"),
     entry::<super::benchmark::Benchmark>("benchmark", "Solvers on graphics cards (needs --features cuda)"),
     entry::<super::judges::Judges>(
         "judges",

@@ -90,15 +90,15 @@ impl Panel {
         let y = self.y.range(points().map(|p| p.y).chain(self.levels.iter().map(|l| l.0)));
         // Each combination has a type of its own.
         match (self.x.log, self.y.log) {
-            (false, false) => self.draw_on(area, names, x.clone(), y, x),
-            (false, true) => self.draw_on(area, names, x.clone(), y.log_scale(), x),
-            (true, false) => self.draw_on(area, names, x.clone().log_scale(), y, x),
-            (true, true) => self.draw_on(area, names, x.clone().log_scale(), y.log_scale(), x),
+            (false, false) => self.draw_on(area, names, x.clone(), y.clone(), [x, y]),
+            (false, true) => self.draw_on(area, names, x.clone(), y.clone().log_scale(), [x, y]),
+            (true, false) => self.draw_on(area, names, x.clone().log_scale(), y.clone(), [x, y]),
+            (true, true) => self.draw_on(area, names, x.clone().log_scale(), y.clone().log_scale(), [x, y]),
         }
     }
 
-    /// Axes, levels across the range `x` and series, in the coordinates `across` and `up`.
-    fn draw_on<X, Y>(&self, area: &Area, names: &[&str], across: X, up: Y, x: Range<f64>) -> Drawn
+    /// Axes, levels and series, in the coordinates `across` and `up` with ranges `x` and `y`.
+    fn draw_on<X, Y>(&self, area: &Area, names: &[&str], across: X, up: Y, [x, y]: [Range<f64>; 2]) -> Drawn
     where
         X: AsRangedCoord<Value = f64>,
         Y: AsRangedCoord<Value = f64>,
@@ -114,21 +114,23 @@ impl Panel {
         let (tick_x, tick_y) = (|v: &f64| self.x.tick(*v), |v: &f64| self.y.tick(*v));
         let mut mesh = chart.configure_mesh();
         mesh.x_desc(&self.x.label).y_desc(&self.y.label).label_style(FONT).x_label_formatter(&tick_x).y_label_formatter(&tick_y);
-        mesh.x_labels(8);
+        mesh.x_labels(if self.x.names.is_empty() { 8 } else { 2 * self.x.names.len() });
         mesh.light_line_style(TRANSPARENT).bold_line_style(BLACK.mix(0.12)).draw()?;
         for (height, name) in &self.levels {
             let ends = [(x.start, *height), (x.end, *height)];
             chart.draw_series(DashedLineSeries::new(ends, 6, 5, BLACK.mix(0.5).into()))?;
             chart.draw_series([EmptyElement::at(ends[0]) + Text::new(name.clone(), (10, -16), FONT.into_font().color(&BLACK.mix(0.7)))])?;
         }
-        self.draw_series(&mut chart, names)
+        self.draw_series(&mut chart, names, y.start)
     }
 
-    fn draw_series<X, Y>(&self, chart: &mut Chart<X, Y>, names: &[&str]) -> Drawn
+    fn draw_series<X, Y>(&self, chart: &mut Chart<X, Y>, names: &[&str], bottom: f64) -> Drawn
     where
         X: Ranged<ValueType = f64>,
         Y: Ranged<ValueType = f64>,
     {
+        let bars = self.series.iter().filter(|s| s.style == Style::Bars).count() as f64;
+        let mut bar = 0.0;
         for series in &self.series {
             let colour = colour(names, &series.name);
             let shown = || series.points.iter().filter(|p| self.x.shows(p.x) && self.y.shows(p.y));
@@ -137,6 +139,12 @@ impl Panel {
             match series.style {
                 Style::Line | Style::Marked => drop(chart.draw_series(LineSeries::new(points, colour.stroke_width(width)))?),
                 Style::Dashed => drop(chart.draw_series(DashedLineSeries::new(points, 6, 5, colour.stroke_width(2)))?),
+                Style::Bars => {
+                    let left = |x: f64| x - 0.4 + 0.8 * bar / bars;
+                    let rectangle = |(x, y)| Rectangle::new([(left(x), bottom), (left(x) + 0.75 / bars, y)], colour.filled());
+                    chart.draw_series(points.map(rectangle))?;
+                    bar += 1.0;
+                }
             }
             if series.style == Style::Marked {
                 for point in shown() {

@@ -24,6 +24,8 @@ pub struct Panel {
 pub struct Axis {
     pub label: String,
     pub log: bool,
+    /// Labels of 0, 1, 2, ... in place of numbers.
+    pub names: Vec<String>,
 }
 
 /// Points that belong together. Series of one name have one colour and one entry in the legend.
@@ -49,6 +51,8 @@ pub enum Style {
     Dashed,
     /// A line with a mark and a label at each point.
     Marked,
+    /// Bars beside those of the panel's other series.
+    Bars,
 }
 
 /// A solver at one setting, in a picture of error against cost.
@@ -111,7 +115,12 @@ impl Axis {
 
     /// Logarithmic: values that are not above 0 are left out.
     pub fn log(label: impl Into<String>) -> Self {
-        Self { label: label.into(), log: true }
+        Self { label: label.into(), log: true, ..Self::default() }
+    }
+
+    /// With `names` at 0, 1, 2, ...
+    pub fn named(names: Vec<String>) -> Self {
+        Self { names, ..Self::default() }
     }
 
     pub(super) fn shows(&self, value: f64) -> bool {
@@ -120,6 +129,9 @@ impl Axis {
 
     /// Range of all values that it shows, with a margin.
     pub(super) fn range(&self, values: impl Iterator<Item = f64>) -> Range<f64> {
+        if !self.names.is_empty() {
+            return -0.6..self.names.len() as f64 - 0.4;
+        }
         let (low, high) = values.filter(|v| self.shows(*v)).fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(v), b.max(v)));
         let none = low > high;
         match (none, self.log) {
@@ -138,6 +150,11 @@ impl Axis {
     }
 
     pub(super) fn tick(&self, value: f64) -> String {
+        if !self.names.is_empty() {
+            let near = value.round();
+            let name = if (value - near).abs() < 0.01 && near >= 0.0 { self.names.get(near as usize) } else { None };
+            return name.cloned().unwrap_or_default();
+        }
         let plain = value == 0.0 || (1e-3..1e5).contains(&value.abs());
         if plain { format!("{}", (value * 1e6).round() / 1e6) } else { format!("{value:.0e}") }
     }
