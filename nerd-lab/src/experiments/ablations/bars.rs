@@ -27,13 +27,19 @@ pub static BARS: [Bar; 13] = [
     bar("World Frame", |run| run.variant = Variant::World, Some([1.1, 23.3])),
     bar("No Inp. Norm", |run| run.variant = Variant::RawInputs, Some([3.3, 3.6])),
     bar("No Out. Norm", |run| run.variant = Variant::RawOutputs, Some([1.6, 5.3])),
-    bar("h = 1", |run| run.history = 1, Some([4.4, 4.1])),
+    bar("h = 1", alone, Some([4.4, 4.1])),
     bar("h = 5", |run| run.history = 5, Some([2.1, 5.2])),
     bar(NERD, |_| (), Some([1.0, 1.0])),
     bar("h = 20", |run| run.history = 20, None),
     // Our control: as many tokens an update as NeRD has.
-    bar("h = 1, 10x", |run| (run.batch, run.history) = (run.batch * run.history, 1), None),
+    bar("h = 1, 10x", |run| (run.batch, _) = (run.batch * run.history, alone(run)), None),
 ];
+
+/// A residual network, which has neither heads nor places.
+fn alone(run: &mut RunConfig) {
+    let usual = RunConfig::default();
+    (run.history, run.head_width, run.block) = (1, usual.head_width, usual.block);
+}
 
 impl Bar {
     /// The paper's error on a robot, divided by that of NeRD.
