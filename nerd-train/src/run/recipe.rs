@@ -84,7 +84,7 @@ impl Recipe {
         let runs = common.remove("run");
         let first = RunConfig::default().with(&common).map_err(wrong)?;
         let Some(runs) = runs else {
-            return Ok(Self { runs: vec![first.with(given).map_err(Error::Refused)?] });
+            return Ok(Self { runs: vec![under(first, given)?] });
         };
         let own: Vec<Given> = serde_json::from_value(runs).map_err(|e| wrong(format!("`run`: {e}; `[[run]]` is needed")))?;
         if own.is_empty() {
@@ -160,11 +160,20 @@ impl RunConfig {
     }
 }
 
+/// A file's run under what is given. Where that is a model to start from, its epsilon takes the place of the file's.
+fn under(own: RunConfig, given: &Given) -> Result<RunConfig> {
+    let mut run = own.with(given).map_err(Error::Refused)?;
+    if given.contains_key("from") && !given.contains_key("epsilon") {
+        run.epsilon = None;
+    }
+    Ok(run)
+}
+
 /// A run of a chain with what is given. Its runs are of different lengths: `updates` and `transitions` that are given for all are
 /// most that each may have, for a rehearsal.
 fn link(own: RunConfig, given: &Given) -> Result<RunConfig> {
     let most = (own.updates, own.transitions);
-    let mut run = own.with(given).map_err(Error::Refused)?;
+    let mut run = under(own, given)?;
     run.updates = run.updates.min(most.0);
     run.transitions = run.transitions.min(most.1);
     if given.contains_key("updates") && !given.contains_key("validate-every") {

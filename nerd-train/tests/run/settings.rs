@@ -69,6 +69,9 @@ fn a_file_is_read_under_what_is_given() {
     std::fs::write(&path, "robot = \"cube\"\nupdates = 70\nhuber = 0.02\ntorque-scale = -1\n").expect("written");
     let run = &Recipe::read(&path, &given(&[("updates", 90.into()), ("hold", 7.into())])).expect("a recipe").runs[0];
     assert_eq!((run.updates, run.record.hold, run.huber, run.record.torque_scale), (90, 7, Some(0.02), -1.0));
+    // A model to start from has its own epsilon.
+    let onto = Recipe::named("quick", &given(&[("robot", "cube".into()), ("from", "models/cube".into())])).expect("a recipe");
+    assert_eq!((onto.runs[0].epsilon, onto.runs[0].from.is_some()), (None, true));
     // Of several runs, lengths are caps.
     std::fs::write(&path, "out = \"o\"\nrobot = \"cube\"\n[[run]]\nupdates = 70\nfresh = 50\n[[run]]\nupdates = 20\n").expect("written");
     let chain = Recipe::read(&path, &given(&[("updates", 30.into()), ("transitions", 40.into())])).expect("a chain").runs;
@@ -125,7 +128,7 @@ fn a_chain_goes_on_where_it_was_left() {
     let mut first = tiny(folder.path().join("1"));
     first.updates = 2;
     let mut second = first.clone();
-    (second.from, second.out) = (Some(folder.path().join("1/model")), folder.path().join("2"));
+    (second.from, second.out, second.epsilon) = (Some(folder.path().join("1/model")), folder.path().join("2"), None);
     let recipe = Recipe { runs: vec![first, second] };
     let whole = weights(recipe.train().expect("trained"));
     std::fs::remove_dir_all(folder.path().join("2")).expect("removed");
