@@ -49,6 +49,64 @@ enum Fault {
 
 use Fault::*;
 
+/// By row of the suite, the faults that it must see.
+const REDDENED: [(&str, &[Fault]); 54] = [
+    ("free fall", &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("off-centre spin", &[DroppedVelocity, BodyAngularVelocity, FrozenWorld]),
+    ("precession", &[DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity]),
+    ("tumbling box", &[DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity]),
+    ("gyroscopic energy", &[DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("Dzhanibekov", &[DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity]),
+    ("Dzhanibekov, f32", &[DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("far away", &[HiddenClock, SinglePrecision]),
+    ("pendulum period", &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("pendulum energy", &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("drive inertia", &[DroppedVelocity, FrozenWorld, PumpedVelocity, StrongMotors]),
+    ("joint limit", &[DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("heavy end", &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("swinging arm", &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("universal joint", &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("inner torques", &[HalfGravity, DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity]),
+    ("falling quadruped", &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("rest", &[NoFloor]),
+    ("restitution", &[NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("level rolling", &[HalfGravity, NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("level rolling, energy", &[HalfGravity, NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity, HiddenClock]),
+    ("spinning box on ice", &[HalfGravity, NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("flat landing", &[NoFloor, DroppedVelocity, FrozenWorld]),
+    ("low flight", &[DroppedVelocity, FrozenWorld, PumpedVelocity, HiddenClock, SinglePrecision]),
+    ("wheel", &[NoFloor, DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity]),
+    ("wobbling coin", &[HalfGravity, NoFloor, DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity]),
+    ("leaning can", &[NoFloor, FrozenWorld]),
+    ("tossed cube", &[NoFloor, PumpedVelocity]),
+    ("stiff ground", &[NoFloor, PumpedVelocity]),
+    ("tip into ground", &[NoFloor, PumpedVelocity]),
+    ("heavy tip", &[HalfGravity, PumpedVelocity]),
+    ("light tip", &[HalfGravity, PumpedVelocity]),
+    ("under terrain", &[NoFloor, FrozenWorld]),
+    ("stopping distance", &[HalfGravity, NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("friction threshold", &[NoFloor, DroppedVelocity, FrozenWorld]),
+    ("sliding down", &[HalfGravity, NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("plate at four yaws", &[NoFloor, DroppedVelocity, FrozenWorld, HalfGravity, PumpedVelocity]),
+    ("cube at four yaws", &[NoFloor, DroppedVelocity, FrozenWorld, HalfGravity, PumpedVelocity]),
+    ("table at four yaws", &[NoFloor, DroppedVelocity, FrozenWorld, HalfGravity, PumpedVelocity]),
+    ("rolling ball", &[HalfGravity, NoFloor, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("pendulum self-convergence", &[DroppedVelocity, FrozenWorld]),
+    ("Ant self-convergence", &[NoFloor, DroppedVelocity, FrozenWorld]),
+    ("Markov", &[HiddenClock]),
+    ("cable's sag", &[HalfGravity, FrozenWorld]),
+    ("hanging chain", &[HalfGravity, DroppedVelocity, FrozenWorld, PumpedVelocity]),
+    ("falling cable", &[NoFloor, FrozenWorld, PumpedVelocity]),
+    ("driven Ant", &[BodyAngularVelocity]),
+    ("ANYmal kp 85", &[NoFloor, FrozenWorld]),
+    ("kp 200 ahead", &[NoFloor, FrozenWorld]),
+    ("kp 2000 ahead", &[NoFloor, FrozenWorld]),
+    ("kp 5000 ahead", &[NoFloor, FrozenWorld]),
+    ("no number", &[SwallowedErrors]),
+    ("runner's energy", &[HalfGravity, NoFloor, DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity, StrongMotors]),
+    ("runner's momentum", &[HalfGravity, DroppedVelocity, BodyAngularVelocity, FrozenWorld, PumpedVelocity]),
+];
+
 impl Fault {
     /// A method with the fault.
     fn of(self, method: Method) -> Method {
@@ -139,18 +197,19 @@ fn into_body_axes(state: &mut [f64], nq: usize) {
     state[nq + 3..nq + 6].copy_from_slice((v + w.cross(&p) - body.cross(&p)).as_slice());
 }
 
-/// Some fault turns each row red, and each fault some row.
+/// A fault turns the rows red that name it, and leaves the others green.
 #[test]
 fn every_row_can_go_red() {
     let (method, suite) = (converged(), Suite::new());
-    let asked: Vec<_> = suite.rows().iter().filter(|row| row.must_pass()).collect();
-    let red: Vec<Vec<Fault>> = asked
+    let asked = suite.rows().iter().filter(|row| row.must_pass()).flat_map(|row| Fault::iter().map(|fault| (*row, fault)));
+    let wrong: Vec<String> = asked
+        .collect::<Vec<_>>()
         .par_iter()
-        .map(|row| Fault::iter().filter(|fault| row.cell(&fault.of(method.clone())).verdict != Verdict::Pass).collect())
+        .filter_map(|(row, fault)| {
+            let cell = row.cell(&fault.of(method.clone()));
+            let named = REDDENED.iter().any(|(name, faults)| *name == row.name && faults.contains(fault));
+            ((cell.verdict != Verdict::Pass) != named).then(|| format!("{} under {fault:?}: {:?}", row.name, (cell.figure, cell.lost)))
+        })
         .collect();
-    asked.iter().zip(&red).for_each(|(row, faults)| println!("{}: {faults:?}", row.name));
-    let green: Vec<_> = asked.iter().zip(&red).filter(|(_, faults)| faults.is_empty()).map(|(row, _)| row.name).collect();
-    assert!(green.is_empty(), "no fault is seen by {green:?}");
-    let unseen: Vec<_> = Fault::iter().filter(|fault| red.iter().all(|faults| !faults.contains(fault))).collect();
-    assert!(unseen.is_empty(), "no row sees {unseen:?}");
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }

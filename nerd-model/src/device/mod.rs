@@ -30,7 +30,7 @@ pub const LANES: usize = 4;
 /// The pass of a program over windows of so many tokens `[T][padded inputs]`: of a chain, or in f16 of a residual network
 /// (`program/networks.rs`). None of another form, or where it does not fit.
 pub fn whole_program(program: &Program, tokens: usize, products: Products) -> Option<Whole> {
-    if products == Products::F16 { residual::residual(program).filter(|_| tokens == 1) } else { whole::chain(program, tokens, products) }
+    if products == Products::F16 { residual::residual(program).filter(|_| tokens == 1) } else { whole::chain(program, tokens) }
 }
 
 /// The settings with which scenes are put in order for a model's kernels.

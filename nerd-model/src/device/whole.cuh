@@ -1,5 +1,5 @@
 // Steps of a program whose slots fit into the memory that a block shares: a block a few windows of T tokens, which are ROWS rows. whole.rs writes
-// what calls them; products stand in whole_f32.cuh and whole_tf32.cuh.
+// what calls them; products are in whole_f32.cuh and whole_f16.cuh.
 
 #ifdef __CUDACC_RTC__
 #define FN static __device__ __forceinline__

@@ -1,5 +1,5 @@
-//! The network of a chain as one kernel, `whole_pass`: its rows are in shared memory, and a block computes one window, or a few on tensor
-//! cores. With many windows of narrow rows, separate kernels would mostly move rows to and from memory.
+//! The network of a chain as one kernel, `whole_pass`: its rows are in shared memory, and a block computes one window. With many windows of
+//! narrow rows, separate kernels would mostly move rows to and from memory.
 
 use std::fmt::Write;
 
@@ -10,17 +10,13 @@ use crate::program::{Activation, Op, Program, Slot, Step};
 const SHARED: usize = 48 << 10;
 /// Most warps of a block.
 const MOST_WARPS: usize = 8;
-/// Most rows of a block on tensor cores, but where a window alone has more: what its threads sum is in registers.
-const MOST_ROWS: usize = 96;
 
 /// Arithmetic of the products.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Products {
     /// In 32 bits.
     F32,
-    /// On tensor cores, operands rounded to TF32: for devices of compute capability 8 and above.
-    Tf32,
-    /// On tensor cores, operands rounded to f16, which has as long a mantissa: for the same devices.
+    /// On tensor cores, operands rounded to f16: for devices of compute capability 8 and above.
     F16,
 }
 
@@ -44,12 +40,7 @@ pub(super) fn defined(sizes: &[(&str, usize)]) -> String {
 }
 
 /// A chain's program (`program/networks.rs`); none of another form, or where it does not fit.
-pub(super) fn chain(program: &Program, tokens: usize, products: Products) -> Option<Whole> {
-    let most = if products == Products::F32 { 1 } else { (MOST_ROWS / tokens).max(1) };
-    (1..=most).rev().find_map(|windows| whole(program, tokens, windows, products))
-}
-
-fn whole(program: &Program, tokens: usize, windows: usize, products: Products) -> Option<Whole> {
+pub(super) fn chain(program: &Program, tokens: usize) -> Option<Whole> {
     let [embed, place, blocks @ .., last, out] = &program.steps[..] else { return None };
     let ((blocks, []), Op::Place(table), h) = (blocks.as_chunks::<5>(), place.op, embed.to) else { return None };
     let follow = |from: Slot, steps: &[Step]| steps.iter().try_fold(from, |at, step| (step.from == at).then_some(step.to));
@@ -58,14 +49,12 @@ fn whole(program: &Program, tokens: usize, windows: usize, products: Products) -
         return None;
     }
 
-    let (tensor, rows, starts) = (products == Products::Tf32, tokens * windows, program.starts());
+    let starts = program.starts();
     let [inputs, e, outputs] = [Slot(0), h, out.to].map(|slot| program.width(slot));
     // Numbers from one row to the next in shared memory, so that threads which read at once read different banks.
-    let apart = |width: usize| if tensor { 8 * (width.div_ceil(8) | 1) } else { width.next_multiple_of(4) + 4 };
-    // Of h, of what is normed, and of what is active: that in place of what is normed on tensor cores, whose products read all rows first.
-    let (row, normed) = (apart(e), rows * apart(e));
-    let active = if tensor { normed } else { 2 * normed };
-    let most = if tensor { normed + rows * row.max(apart(inputs)) } else { 3 * normed };
+    let apart = |width: usize| width.next_multiple_of(4) + 4;
+    // Of h, of what is normed, and of what is active.
+    let (row, size) = (apart(e), tokens * apart(e));
 
     let linear = |step: &Step, (x, apart_x): (&str, usize), (parts, off): (usize, usize), (y, apart_y): (&str, usize), f: &str| {
         let Op::Linear { weight, scale: None, bias, add } = step.op else { return None };
@@ -76,16 +65,10 @@ fn whole(program: &Program, tokens: usize, windows: usize, products: Products) -
         let sizes = format!("<{inner}, {parts}, {wide}, {apart_x}, {apart_y}, {add}, {f}>");
         aligned.then(|| format!("    linear{sizes}({x}, {off}, w + {}, {bias}, {y}, none, rows);\n", starts[weight.0]))
     };
-    let [stream, normed, active] = [0, normed, active].map(|at| format!("s + {at}"));
+    let [stream, normed, active] = [0, size, 2 * size].map(|at| format!("s + {at}"));
     let [stream, normed, active] = [&stream, &normed, &active].map(|at| (at.as_str(), row));
     let norm = format!("    norm<{e}, {row}>({}, {});\n", stream.0, normed.0);
-    let mut pass = String::new();
-    let mut seen = ("tokens", padded(inputs));
-    if tensor {
-        let _ = writeln!(pass, "    take<{inputs}, {}, {}>(tokens, {}, rows);", padded(inputs), apart(inputs), normed.0);
-        seen = (normed.0, apart(inputs));
-    }
-    pass += &linear(embed, seen, (1, 0), stream, "same")?;
+    let mut pass = linear(embed, ("tokens", padded(inputs)), (1, 0), stream, "same")?;
     let _ = writeln!(pass, "    place<{e}, {row}>(w + {}, {});", starts[table.0], stream.0);
     for [before, near, wide, activate, mix] in blocks {
         let (Op::Norm, Op::Neighbours(off), Op::Activate(Activation::Gelu)) = (before.op, near.op, activate.op) else { return None };
@@ -101,12 +84,12 @@ fn whole(program: &Program, tokens: usize, windows: usize, products: Products) -
 
     // Zeros in place of a row.
     let zeros = program.widths.iter().map(|width| apart(*width)).max()?;
-    let (floats, widest) = (most + zeros, e.max(outputs));
-    let warps = if tensor { widest.div_ceil(16) } else { (widest.div_ceil(4) * tokens.div_ceil(4)).div_ceil(32) }.min(MOST_WARPS);
+    let (most, floats) = (3 * size, 3 * size + zeros);
+    let warps = (e.max(outputs).div_ceil(4) * tokens.div_ceil(4)).div_ceil(32).min(MOST_WARPS);
     let sizes = [
         ("T", tokens),
-        ("WINDOWS", windows),
-        ("ROWS", rows),
+        ("WINDOWS", 1),
+        ("ROWS", tokens),
         ("WARPS", warps),
         ("INPUTS", padded(inputs)),
         ("OUTPUTS", outputs),
@@ -114,12 +97,13 @@ fn whole(program: &Program, tokens: usize, windows: usize, products: Products) -
     ];
     let mut text = defined(&sizes);
     text += include_str!("whole.cuh");
-    text += if tensor { include_str!("whole_tf32.cuh") } else { include_str!("whole_f32.cuh") };
+    text += include_str!("whole_f32.cuh");
     let _ = writeln!(
         text,
         "FN void pass(const float* w, const float* tokens, float* out, float* s, int rows) {{\n    float* none = s + {most};\n    \
          EACH(k, {zeros}) none[k] = 0;\n    SYNC;\n{pass}}}",
     );
     text += include_str!("whole_main.cuh");
-    (4 * floats <= SHARED).then_some(Whole { text, threads: 32 * warps, windows, shared: 4 * floats, products })
+    let products = Products::F32;
+    (4 * floats <= SHARED).then_some(Whole { text, threads: 32 * warps, windows: 1, shared: 4 * floats, products })
 }

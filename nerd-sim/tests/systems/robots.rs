@@ -125,3 +125,15 @@ fn a_robot_built_in_code_is_that_of_its_file() {
     let said = line(System::from_robot(free, Some(spec)));
     assert!(said.contains("floating = false, but the robot's base is free"), "{said}");
 }
+
+/// No point of a built-in robot creeps by more than 1 mm/s where 30 N push it (the cube's: all that friction can bear).
+#[test]
+fn thirty_newtons_move_a_foot_by_a_millimetre_a_second() {
+    for (name, force) in [("pendulum", 30.0), ("ant", 30.0), ("anymal", 30.0), ("cube", 1.7)] {
+        let system = built_in(name);
+        let ground = system.scene(system.usual_scenes().into_iter().find(|s| *s != "free").expect("a ground")).expect("scene");
+        let creep = force / ground.colliders[0].material.mean(&system.spec.material).friction_damping;
+        println!("{name}: {creep:.2e} m/s under {force} N");
+        assert!(creep < 1.001e-3, "{name}: {creep:.2e} m/s under {force} N");
+    }
+}

@@ -1,11 +1,13 @@
 //! The rows of a learned model, and their measurement.
 
+use nalgebra::Vector3;
 use nerd_core::dynamics::{Data, totals};
+use nerd_core::robot::Base;
 use nerd_sim::dataset::Drive;
 use nerd_sim::suite::Row;
 
 use crate::prelude::*;
-use crate::roll::{begun, idle};
+use crate::roll::{begun, idle, rolled};
 
 const STARTS: usize = 32;
 
@@ -27,7 +29,12 @@ const fn held(name: &'static str, why: &'static str, measure: Measure) -> Ask {
     Row { name, figure: "error", unit: "of hold-last's", source, why, limit: 0.1, measure }
 }
 
-pub(super) static ASKS: [Ask; 9] = [
+/// With a difference that may be rounding alone.
+const fn same(name: &'static str, figure: &'static str, why: &'static str, measure: Measure) -> Ask {
+    Row { name, figure, unit: "", source: "rounding of f32", why, limit: 1e-4, measure }
+}
+
+pub(super) static ASKS: [Ask; 11] = [
     held("10 frames", "As far as a controller looks ahead.", |c, m| horizon(c, m, 10)),
     held("100 frames", "The paper's horizon.", |c, m| horizon(c, m, 100)),
     held("1000 frames", "As long as an episode: is anything still known then?", |c, m| horizon(c, m, 1000)),
@@ -44,6 +51,10 @@ pub(super) static ASKS: [Ask; 9] = [
     held("velocities x 2", "50 frames faster than anything in its training data.", |c, m| outside(c, m, 2.0, 0.0)),
     held("random torques", "50 frames driven as in its training data.", |c, m| outside(c, m, 1.0, 1.0)),
     held("torques x 2", "50 frames driven twice as hard.", |c, m| outside(c, m, 1.0, 2.0)),
+    same("moved 100 km", "difference of 20 frames", "The world has no centre: what a robot does depends on what is around it.", |c, m| {
+        moved(c, m, 1e5)
+    }),
+    same("history", "after a reset, and after a gap, against fresh", "What it remembers must be of this motion.", history),
     Row {
         name: "energy in flight",
         figure: "change beyond the truth's in 100 frames",
@@ -90,6 +101,58 @@ fn outside(case: &Case, maker: &Maker, factor: f64, drive: f64) -> Result<f64> {
         hold += distance(&case.system, &real, &first);
     }
     Ok(error / hold.max(1e-12))
+}
+
+/// The world moved along x: the robot's base or pose, and every collider.
+fn moved(case: &Case, maker: &Maker, by: f64) -> Result<f64> {
+    let by = Vector3::new(by, 0.0, 0.0);
+    let mut system = (*case.system).clone();
+    let mut scene = (*case.scene).clone();
+    for collider in &mut scene.colliders {
+        collider.pose.translation.vector += by;
+        collider.plane.iter_mut().for_each(|p| p.offset += p.normal.dot(&by));
+    }
+    if let Base::Fixed(pose) = &mut system.robot.base {
+        pose.translation.vector += by;
+    }
+    let (here, system) = (starts(&case.system, &case.scene), Arc::new(system));
+    let scene = Arc::new(scene);
+    let mut there = Batch { system: system.clone(), scenes: vec![scene; STARTS], ..here.clone() };
+    shift(&mut there, &by);
+    let (here, mut there) = (rolled(here, &mut *maker(&case.system)?, 20)?, rolled(there, &mut *maker(&system)?, 20)?);
+    shift(&mut there, &-by);
+    Ok(here.states.iter().zip(&there.states).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max))
+}
+
+/// Moves floating robots: `p += by`, and the twist about the world's origin keeps its velocity, `v += by x w`.
+fn shift(batch: &mut Batch, by: &Vector3<f64>) {
+    let (nq, floating) = (batch.system.robot.nq(), batch.system.robot.floating());
+    for env in (0..batch.len()).filter(|_| floating) {
+        let state = batch.state_mut(env);
+        let w = Vector3::from_column_slice(&state[nq..nq + 3]);
+        let moment = by.cross(&w);
+        for k in 0..3 {
+            state[k] += by[k];
+            state[nq + 3 + k] += moment[k];
+        }
+    }
+}
+
+fn history(case: &Case, maker: &Maker) -> Result<f64> {
+    let fresh = rolled(starts(&case.system, &case.scene), &mut *maker(&case.system)?, 15)?;
+    let gap = |batch: Batch| fresh.states.iter().zip(&batch.states).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    // Reset.
+    let mut solver = maker(&case.system)?;
+    rolled(starts(&case.system, &case.scene), &mut *solver, 12)?;
+    (0..STARTS).for_each(|env| solver.reset(env));
+    let reset = rolled(starts(&case.system, &case.scene), &mut *solver, 15)?;
+    // Not reset: another solver steps some frames in between, then the start is put back by hand.
+    let mut solver = maker(&case.system)?;
+    let begun = rolled(starts(&case.system, &case.scene), &mut *solver, 5)?;
+    let mut skipped = rolled(begun, &mut *case.truth.solver(&case.system), 3)?;
+    skipped.states.clone_from(&starts(&case.system, &case.scene).states);
+    let skipped = rolled(skipped, &mut *solver, 15)?;
+    Ok(gap(reset).max(gap(skipped)))
 }
 
 fn flight(case: &Case, maker: &Maker) -> Result<f64> {

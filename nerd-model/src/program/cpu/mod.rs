@@ -27,8 +27,8 @@ pub struct Loaded {
     starts: Vec<usize>,
     /// By step, `diag(scale) W` where there is a scale.
     folded: Vec<Vec<f32>>,
-    /// By step, its matrix in panels, and the transpose of that once it is asked for.
-    panels: Vec<Option<Matrix>>,
+    /// By step, its matrix in panels, of nothing where it has none; and the transpose of that once it is asked for.
+    panels: Vec<Matrix>,
     back: Vec<std::sync::OnceLock<Matrix>>,
     /// By slot, the last step that looks at it.
     ends: Vec<usize>,
@@ -84,14 +84,14 @@ impl Loaded {
         self.back = self.program.steps.iter().map(|_| Default::default()).collect();
     }
 
-    fn cut(&self, op: Op, folded: &mut Vec<f32>) -> Option<Matrix> {
-        let Op::Linear { weight, scale, .. } = op else { return None };
+    fn cut(&self, op: Op, folded: &mut Vec<f32>) -> Matrix {
+        let Op::Linear { weight, scale, .. } = op else { return Matrix::default() };
         let (inner, values) = (self.program.tensors[weight.0].shape[0], self.tensor(weight));
-        let Some(scale) = scale else { return Some(Matrix::new(inner, values)) };
+        let Some(scale) = scale else { return Matrix::new(inner, values) };
         folded.clear();
         let rows = values.chunks_exact(values.len() / inner).zip(self.tensor(scale));
         rows.for_each(|(row, w)| folded.extend(row.iter().map(|x| x * w)));
-        Some(Matrix::new(inner, folded))
+        Matrix::new(inner, folded)
     }
 
     /// Entries of a tensor.
@@ -139,7 +139,7 @@ impl Loaded {
         let aside = &mut aside[if keep { i } else { 0 }];
         match op {
             Op::Linear { bias, add, .. } => {
-                let panels = self.panels[i].as_ref().expect("panels of every product");
+                let panels = &self.panels[i];
                 let bias = bias.map(|bias| self.tensor(bias));
                 match (add, bias) {
                     (false, _) => panels.product(&x, bias, &mut y),

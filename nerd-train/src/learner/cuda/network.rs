@@ -66,16 +66,10 @@ impl Network {
         }
         let (text, kernels) = source(&plan);
         let mut device = Device::open(nerd_cuda::ordinal(), &text, &kernels)?.with_products(precision)?;
-        // Older cards have no tensor cores for TF32.
-        let tensor = device.capability()? >= (8, 0);
         let (most, of) = (device.shared()?, |products| whole_program(&plan.program, plan.tokens, products));
-        let whole = match precision {
-            // Weights that change would be packed every time.
-            Precision::F16 if tensor && !train => of(Products::F16).filter(|whole| whole.shared <= most),
-            Precision::Tf32 if tensor => of(Products::Tf32),
-            _ => None,
-        };
-        let whole = whole.or_else(|| of(Products::F32));
+        // Older cards lack its instructions; weights that change would be packed every time.
+        let half = precision == Precision::F16 && device.capability()? >= (8, 0) && !train;
+        let whole = half.then(|| of(Products::F16).filter(|whole| whole.shared <= most)).flatten().or_else(|| of(Products::F32));
         if let Some(whole) = &whole {
             device.add(&whole.text, &["whole_pass"])?;
         }
