@@ -6,6 +6,7 @@ pub mod frames;
 pub mod robot;
 pub mod spatial;
 pub mod state;
+pub mod tangent;
 pub mod velocity;
 
 pub use nalgebra;

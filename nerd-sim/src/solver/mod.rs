@@ -5,12 +5,14 @@ mod check;
 pub mod device;
 pub(crate) mod parallel;
 mod refusal;
+mod slopes;
 
 pub(crate) use check::gone;
 pub use check::{check, commit};
 #[cfg(feature = "cuda")]
 pub(crate) use check::{finish, sound};
 pub use refusal::{Capabilities, Fault, StepError};
+pub use slopes::Slopes;
 
 use crate::batch::Batch;
 
@@ -31,6 +33,16 @@ pub trait Solver: Send {
         Capabilities::default()
     }
 
+    /// Vector-Jacobian products of the frame that [`Self::step`] would make from here: `rows` of them for every environment, of gradients
+    /// `by_next` `[env][row][2 nv]` by the next state, each in the tangent space of its own state ([`nerd_core::tangent`]). The batch
+    /// and what the solver remembers stay as they are. With the rows of an identity the result is the frame's linearisation.
+    ///
+    /// # Errors
+    /// [`StepError::Refused`] of a solver without slopes; else as [`Self::step`].
+    fn back(&mut self, _batch: &Batch, _torques: &[f64], _rows: usize, _by_next: &[f64]) -> Result<Slopes, StepError> {
+        Err(StepError::Refused("this solver has no slopes: take articulated, or a pure model whose network sees one frame".into()))
+    }
+
     /// Itself as what keeps a batch on a graphics card, if that is what it does.
     #[cfg(feature = "cuda")]
     fn resident(&mut self) -> Option<&mut dyn device::Resident> {
@@ -49,6 +61,10 @@ impl<S: Solver + ?Sized> Solver for Box<S> {
 
     fn capabilities(&self) -> Capabilities {
         (**self).capabilities()
+    }
+
+    fn back(&mut self, batch: &Batch, torques: &[f64], rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
+        (**self).back(batch, torques, rows, by_next)
     }
 
     #[cfg(feature = "cuda")]

@@ -1,6 +1,5 @@
 //! Robots that a network sees by one token, and whose predictions are added to the state: a token is a frame, and contacts are found anew in each predicted one.
 
-mod difference;
 pub mod kernels;
 
 use std::sync::Arc;
@@ -9,6 +8,7 @@ use nalgebra::Vector3;
 use nerd_core::contact::ContactEvent;
 use nerd_core::dynamics::Data;
 use nerd_core::state::wrap_state;
+use nerd_core::tangent::{difference, difference_back};
 use nerd_model::base::Base;
 use nerd_model::features::Features;
 use nerd_model::form::Form;
@@ -19,8 +19,6 @@ use nerd_model::trapezoid;
 use nerd_sim::scene::contacts;
 use nerd_sim::system::System;
 use rayon::prelude::*;
-
-pub use difference::{difference, difference_back};
 
 use super::body::{Body, Place, bent, join};
 use super::data::Motions;

@@ -1,9 +1,34 @@
-//! How far states lie apart, in the tangent space of the first, and its way back.
+//! The tangent space of a state `[q, qd]`, in which slopes are counted: `2 nv` numbers `[pose, velocities]`, each as in `qd`, angular part
+//! first. Those of a free root are a turn (rad), a way (m), an angular and a linear velocity of the root in **its own axes**:
+//! `R -> R exp(t)`, `x -> x + R d`, `a = R^-1 w`, `b = R^-1 x_dot`. Joints add.
 
-use nalgebra::Vector3;
-use nerd_core::frames::own_velocity;
-use nerd_core::robot::Robot;
-use nerd_core::state::{quaternion, vector, wrap};
+use nalgebra::{UnitQuaternion, Vector3};
+
+use crate::frames::own_velocity;
+use crate::robot::Robot;
+use crate::state::{quaternion, vector, wrap, wrap_state, write_quaternion};
+
+/// Writes to `out` the state to which `change` leads from `state`; to first order in it the inverse of [`difference`].
+pub fn moved(robot: &Robot, state: &[f64], change: &[f64], out: &mut [f64]) {
+    let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
+    out.copy_from_slice(state);
+    for i in 0..nv - dofs {
+        out[coords + i] += change[dofs + i];
+        out[nq + dofs + i] += change[nv + dofs + i];
+    }
+    if robot.floating() {
+        let (r, [a, b]) = (quaternion(&state[3..7]), own_velocity(state, nq));
+        let x = vector(state) + r * vector(&change[3..]);
+        let turned = r * UnitQuaternion::from_scaled_axis(vector(change));
+        let w = turned * (a + vector(&change[nv..]));
+        let v = turned * (b + vector(&change[nv + 3..])) + x.cross(&w);
+        out[..3].copy_from_slice(x.as_slice());
+        write_quaternion(&mut out[3..7], &turned);
+        out[nq..nq + 3].copy_from_slice(w.as_slice());
+        out[nq + 3..nq + 6].copy_from_slice(v.as_slice());
+    }
+    wrap_state(robot, out);
+}
 
 /// How state `b` lies from `a`: `[pose, velocities]`, each as in `qd`; of a free root its turn (twice the vector part of `a^-1 b`, rad), its
 /// way (m), and its velocities in its own axes.
