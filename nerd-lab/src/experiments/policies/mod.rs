@@ -97,7 +97,12 @@ impl Policies {
         let real = play(Arena::Truth(truth))?;
         let learned = Arena::Model { folder: model.clone(), device: self.device };
         let learned = if self.truth_only { None } else { Some(play(learned)?) };
+        let system = System::named(nerd_tasks::named(&task)?.robot())?;
+        let bare = system.robot.contact_points.is_empty();
+        let half = if bare { Setting::Rk4(2) } else { Setting::Implicit(system.spec.substeps.div_ceil(2)) };
+        let half = if self.fresh.is_empty() { None } else { Compared::of(&real, Some(&play(Arena::Judge(half))?)).gap };
         Ok(Row {
+            half,
             policy: from_root(path),
             trained_in: config.solver,
             truth: truth.name(),

@@ -14,6 +14,9 @@ pub struct Row {
     pub truth: String,
     pub model: Option<String>,
     pub games: usize,
+    /// The gap (percent) of the truth itself at half its substeps.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub half: Option<f64>,
     #[serde(flatten)]
     pub rewards: Compared,
 }
@@ -69,7 +72,7 @@ pub fn summary(rows: &[Row]) -> Table {
     let mut table = gaps(rows);
     table.name = "summary".into();
     for row in table.rows.iter_mut().chain([&mut table.header]) {
-        *row = [0, 1, 2, 6].map(|column| row[column].clone()).into();
+        *row = [0, 1, 2, 9, 6].map(|column| row[column].clone()).into();
     }
     table
 }
@@ -97,8 +100,9 @@ pub fn gaps(rows: &[Row]) -> Table {
         let word = |x: f64, digits: usize| if x.is_finite() { format!("{x:.digits$}") } else { "-".into() };
         let share = 100.0 * earned(&learned) / earned(&truth);
         let (l, t) = (sizes(&learned), sizes(&truth));
+        let halves: Vec<f64> = learned.iter().filter_map(|r| r.half.map(f64::abs)).collect();
         let head = vec![task.to_string(), word(mean(&l), 2), word(most(&l), 2), seeds(&learned), word(most(&t), 2), seeds(&truth)];
-        Some(head.into_iter().chain([word(earned(&learned), 1), word(earned(&truth), 1), word(share, 1)]).collect())
+        Some(head.into_iter().chain([word(earned(&learned), 1), word(earned(&truth), 1), word(share, 1), word(mean(&halves), 2)]).collect())
     });
     let header = [
         "task",
@@ -110,9 +114,11 @@ pub fn gaps(rows: &[Row]) -> Table {
         "trained in NeRD, reward in the truth",
         "trained in the truth",
         "share (%)",
+        "mean gap of the truth at half its substeps (%)",
     ];
     let note = "Policies of seeds that the model never met. Gap: (reward in NeRD - in the truth) / |reward in the truth|, +- its standard \
                 error over games; means and largest are of sizes, without sign. Share: what NeRD's policies earn in the truth, of what \
-                the truth's own earn there after as many steps.";
+                the truth's own earn there after as many steps. The truth at half its substeps (two of Runge-Kutta where nothing touches) \
+                plays the same policies.";
     Table::new("fresh", &header).with(lines).noted(note)
 }
