@@ -54,11 +54,22 @@ impl Features {
 
     /// Width of a token.
     pub fn inputs(system: &System, form: impl Into<Form>) -> usize {
-        let Form { view, .. } = form.into();
-        let plain = system.robot.state_dim() + system.robot.joint_count();
-        let (a_point, axes) = if view == View::Moving { (12, 6 * (system.robot.links.len() - 1)) } else { (7, 0) };
-        let plain = plain + if view == View::Moving { system.robot.joints().map(waves).sum() } else { 0 };
-        if Self::situated(&system.robot) { plain + a_point * system.robot.contact_points.len() + 3 + axes } else { plain }
+        let form = form.into();
+        let moving = form.view == View::Moving;
+        let plain = Self::torques(system, form) + system.robot.joint_count();
+        let plain = plain + if moving { system.robot.joints().map(waves).sum() } else { 0 };
+        let axes = if moving { 6 * (system.robot.links.len() - 1) } else { 0 };
+        if Self::situated(&system.robot) { plain + 3 + axes } else { plain }
+    }
+
+    /// Where a token has its torques.
+    pub(crate) fn torques(system: &System, form: Form) -> usize {
+        system.robot.state_dim() + Self::a_point(form.view) * system.robot.contact_points.len()
+    }
+
+    /// Numbers that a token has of a contact point.
+    fn a_point(view: View) -> usize {
+        if view == View::Moving { 12 } else { 7 }
     }
 
     /// Width of a prediction.

@@ -1,62 +1,111 @@
-//! One frame of a few environments around the network: contacts and tokens before it, predictions to states after it.
+//! One frame of a few environments around the network: contacts and tokens before it, predictions to states after it, and the way back.
 
 use std::sync::Arc;
 
 use nerd_core::contact::ContactEvent;
 use nerd_core::dynamics::Data;
+use nerd_core::state::wrap_state;
 use nerd_sim::batch::Batch;
 use nerd_sim::scene::contacts;
-use nerd_sim::solver::Fault;
+use nerd_sim::solver::{Fault, Slopes};
 use nerd_sim::system::System;
 
+use crate::around::Around;
 use crate::features::Features;
 use crate::folder::Model;
+use crate::program::cpu::{Loaded, Memory, Pass};
 
 /// Working memory of one thread.
 pub(crate) struct Frame {
+    around: Around,
     features: Features,
     data: Data,
     events: Vec<ContactEvent>,
     change: Vec<f64>,
+    memory: Memory,
 }
 
 impl Frame {
     /// Memory for a model of `system`.
     pub fn new(model: &Model, system: &Arc<System>) -> Self {
+        let form = model.config.form();
         Self {
-            features: Features::new(system, model.config.form()),
+            around: Around { system: system.clone(), form, normalizer: model.normalizer.clone() },
+            features: Features::new(system, form),
             data: Data::new(&system.robot),
             events: Vec::new(),
             change: vec![0.0; system.robot.state_dim()],
+            memory: Memory::default(),
         }
     }
 
     /// Writes the normalised tokens of the environments from `first` on; zeros for those that are set `aside`.
-    pub fn tell(&mut self, model: &Model, batch: &Batch, torques: &[f64], aside: &[Fault], first: usize, tokens: &mut [f32]) {
-        let (system, joints) = (&batch.system, batch.system.robot.joint_count());
-        for (env, token) in (first..).zip(tokens.chunks_exact_mut(model.config.network.inputs)) {
+    pub fn tell(&mut self, batch: &Batch, torques: &[f64], aside: &[Fault], first: usize, tokens: &mut [f32]) {
+        for (env, token) in (first..).zip(tokens.chunks_exact_mut(self.around.normalizer.inputs.mean.len())) {
             if aside.iter().any(|fault| fault.env == env) {
                 token.fill(0.0);
-                continue;
+            } else {
+                self.look(batch, torques, env, token);
             }
-            let (scene, state) = (&batch.scenes[env], batch.state(env));
-            self.events.clear();
-            if !system.robot.contact_points.is_empty() {
-                contacts(&system.robot, scene, state, &mut self.data, &mut self.events);
-            }
-            self.features.token(state, &self.events, &torques[env * joints..][..joints], &scene.gravity, token);
-            model.normalizer.inputs.normalize(token);
         }
     }
 
+    /// Finds the contacts of an environment and writes its token.
+    fn look(&mut self, batch: &Batch, torques: &[f64], env: usize, token: &mut [f32]) {
+        let (robot, scene, state) = (&batch.system.robot, &batch.scenes[env], batch.state(env));
+        let joints = robot.joint_count();
+        self.events.clear();
+        if !robot.contact_points.is_empty() {
+            contacts(robot, scene, state, &mut self.data, &mut self.events);
+        }
+        self.features.token(state, &self.events, &torques[env * joints..][..joints], &scene.gravity, token);
+        self.around.normalizer.inputs.normalize(token);
+    }
+
     /// Writes the states `next` that lie the predictions from those of the environments from `first` on.
-    pub fn apply(&mut self, model: &Model, batch: &Batch, first: usize, predictions: &[f32], next: &mut [f64]) {
-        let (d, outputs) = (model.config.network.outputs, &model.normalizer.outputs);
+    pub fn apply(&mut self, batch: &Batch, first: usize, predictions: &[f32], next: &mut [f64]) {
+        let d = self.change.len();
         for (env, (prediction, next)) in (first..).zip(predictions.chunks_exact(d).zip(next.chunks_exact_mut(d))) {
-            for (change, (x, (scale, mean))) in self.change.iter_mut().zip(prediction.iter().zip(outputs.scale().zip(&outputs.mean))) {
-                *change = f64::from(*x) * scale + mean;
-            }
+            self.change.iter_mut().zip(self.around.change(prediction)).for_each(|(change, x)| *change = x);
             self.features.apply(batch.state(env), &self.change, next);
         }
+    }
+
+    /// Slopes of the frame of `count` environments from `first` on, by a `network` that sees one token.
+    pub fn back(
+        &mut self,
+        (batch, torques): (&Batch, &[f64]),
+        network: &Loaded,
+        (first, count): (usize, usize),
+        (rows, by_next): (usize, &[f64]),
+    ) -> Slopes {
+        let robot = &batch.system.robot;
+        let (joints, wide, d) = (robot.joint_count(), 2 * robot.nv(), robot.state_dim());
+        let inputs = self.around.normalizer.inputs.mean.len();
+        let (mut tokens, mut seen) = (vec![0.0; count * inputs], Vec::with_capacity(count));
+        for (env, token) in (first..).zip(tokens.chunks_exact_mut(inputs)) {
+            self.look(batch, torques, env, token);
+            seen.push(self.events.clone());
+        }
+        let outputs = network.forward(&tokens, &mut self.memory, Pass::Kept(1)).clone();
+        let mut found = Slopes { next: vec![0.0; count * d], states: vec![0.0; count * rows * wide], torques: Vec::new() };
+        self.apply(batch, first, &outputs, &mut found.next);
+        found.next.chunks_exact_mut(d).for_each(|next| wrap_state(robot, next));
+        found.torques.resize(count * rows * joints, 0.0);
+        for row in 0..rows {
+            let at = |i: usize| (i * rows + row) * wide..(i * rows + row + 1) * wide;
+            let by_next = &by_next[first * rows * wide..];
+            let by_outputs = (0..count).zip(outputs.chunks_exact(d)).flat_map(|(i, outputs)| {
+                self.around.outputs_back(batch.state(first + i), outputs, &by_next[at(i)], &mut found.states[at(i)])
+            });
+            let by_outputs: Vec<f32> = by_outputs.collect();
+            let by_tokens = network.backward_to_tokens(1, &by_outputs, &mut self.memory);
+            for (i, (by, contacts)) in by_tokens.chunks_exact(inputs).zip(&seen).enumerate() {
+                let (env, slope) = (first + i, &mut found.states[at(i)]);
+                let by = self.around.token_back(batch.state(env), (contacts, batch.scenes[env].gravity), by, &mut self.data, slope);
+                found.torques[(i * rows + row) * joints..][..joints].copy_from_slice(self.around.of_torques(&by));
+            }
+        }
+        found
     }
 }

@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
 
+pub mod around;
 pub mod base;
 pub mod chain;
 pub mod device;

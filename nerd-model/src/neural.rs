@@ -5,11 +5,12 @@
 //! another solver, a failed frame) clears that memory.
 
 use nerd_sim::batch::Batch;
-use nerd_sim::solver::{Fault, Solver, StepError, check, commit};
+use nerd_sim::solver::{Fault, Slopes, Solver, StepError, check, commit};
 use rayon::prelude::*;
 
 use crate::folder::Model;
 use crate::frame::Frame;
+use crate::program::cpu::Loaded;
 use crate::transformer::{Architecture, Stream, packed};
 
 /// Environments that one thread prepares in a row.
@@ -27,6 +28,8 @@ pub struct Neural {
     predictions: Vec<f32>,
     next: Vec<f64>,
     faults: Vec<Fault>,
+    /// The network with its way back, once slopes are asked for.
+    slopes: Option<Loaded>,
 }
 
 impl Neural {
@@ -34,7 +37,7 @@ impl Neural {
     pub fn new(model: Model, network: Box<dyn Stream>) -> Self {
         let (frames, tokens, newest) = (Vec::new(), Vec::new(), Vec::new());
         let (predictions, next, faults) = (Vec::new(), Vec::new(), Vec::new());
-        Self { model, network, frames, tokens, newest, predictions, next, faults }
+        Self { model, network, frames, tokens, newest, predictions, next, faults, slopes: None }
     }
 
     /// The same, evaluated on the CPU.
@@ -48,7 +51,7 @@ impl Neural {
         &self.model
     }
 
-    /// Makes room for a batch, and forgets what was before a gap.
+    /// Makes room for a batch.
     fn begin(&mut self, batch: &Batch) -> Result<(), StepError> {
         if self.model.config.network.architecture == Architecture::Chain {
             return Err(StepError::Solver("a model of a chain: make its solver with nerd_model::pick::learned".into()));
@@ -63,13 +66,17 @@ impl Neural {
         }
         self.frames.truncate(n.div_ceil(CHUNK));
         self.next.resize(batch.states.len(), 0.0);
+        Ok(())
+    }
+
+    /// Forgets what was before a gap.
+    fn forget(&mut self, batch: &Batch) {
         for (env, (newest, frame)) in self.newest.iter_mut().zip(&batch.frames).enumerate() {
             if *frame == 0 || *newest + 1 != *frame {
                 self.network.clear(env);
             }
             *newest = *frame;
         }
-        Ok(())
     }
 }
 
@@ -77,21 +84,48 @@ impl Solver for Neural {
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
         check(batch, torques, &mut self.faults)?;
         self.begin(batch)?;
-        let (model, before, network) = (&self.model, &*batch, self.model.config.network);
+        self.forget(batch);
+        let (before, network) = (&*batch, self.model.config.network);
         let aside = &self.faults;
         let chunks = self.tokens.par_chunks_mut(CHUNK * network.inputs).zip(&mut self.frames).enumerate();
-        chunks.for_each(|(i, (tokens, frame))| frame.tell(model, before, torques, aside, i * CHUNK, tokens));
+        chunks.for_each(|(i, (tokens, frame))| frame.tell(before, torques, aside, i * CHUNK, tokens));
 
         self.network.push(&self.tokens, &mut self.predictions).map_err(|e| StepError::Solver(e.to_string()))?;
 
         let size = CHUNK * network.outputs;
         let chunks = self.next.par_chunks_mut(size).zip(self.predictions.par_chunks(size)).zip(&mut self.frames).enumerate();
-        chunks.for_each(|(i, ((next, predictions), frame))| frame.apply(model, before, i * CHUNK, predictions, next));
+        chunks.for_each(|(i, ((next, predictions), frame))| frame.apply(before, i * CHUNK, predictions, next));
         let done = commit(batch, &mut self.next, &mut self.faults);
         if let Err(StepError::Environments(faults)) = &done {
             faults.iter().for_each(|fault| self.network.clear(fault.env));
         }
         done
+    }
+
+    fn back(&mut self, batch: &Batch, torques: &[f64], rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
+        let config = self.model.config.network;
+        if config.architecture != Architecture::Residual {
+            return Err(StepError::Refused(
+                "this model has no slopes: its network sees more than one frame, take a pure one whose architecture is `residual`".into(),
+            ));
+        }
+        check(batch, torques, &mut self.faults)?;
+        if !self.faults.is_empty() {
+            return Err(StepError::Environments(std::mem::take(&mut self.faults)));
+        }
+        let (found, wanted) = (by_next.len(), batch.len() * rows * 2 * batch.system.robot.nv());
+        if found != wanted {
+            return Err(StepError::Solver(format!("{found} numbers of gradients, {wanted} are needed")));
+        }
+        self.begin(batch)?;
+        let network = self.slopes.get_or_insert_with(|| Loaded::new(config.program(), &self.model.weights.flat));
+        let one = |(i, frame): (usize, &mut Frame)| {
+            let envs = (i * CHUNK, CHUNK.min(batch.len() - i * CHUNK));
+            frame.back((batch, torques), network, envs, (rows, by_next))
+        };
+        let parts: Vec<Slopes> = self.frames.par_iter_mut().enumerate().map(one).collect();
+        let all = |of: fn(&Slopes) -> &[f64]| parts.iter().map(of).collect::<Vec<_>>().concat();
+        Ok(Slopes { next: all(|s| &s.next), states: all(|s| &s.states), torques: all(|s| &s.torques) })
     }
 
     fn reset(&mut self, env: usize) {

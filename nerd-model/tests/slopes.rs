@@ -1,4 +1,6 @@
-//! Vector-Jacobian products of tokens and of what follows a prediction, against central differences.
+//! Vector-Jacobian products of tokens, of what follows a prediction, and of a whole frame, against central differences.
+
+mod common;
 
 use std::sync::Arc;
 
@@ -10,7 +12,10 @@ use nerd_core::state::{quaternion, vector, write_quaternion};
 use nerd_model::base::Base;
 use nerd_model::features::Features;
 use nerd_model::form::{Form, View};
+use nerd_model::neural::Neural;
+use nerd_model::normalizer::{Moments, Normalizer};
 use nerd_model::slopes::{Seen, apply_back, token_back};
+use nerd_model::transformer::{Architecture, TransformerConfig};
 use nerd_model::trapezoid;
 use nerd_sim::prelude::*;
 use nerd_sim::sampling::{Start, start, stream};
@@ -217,4 +222,77 @@ fn a_gradient_by_the_next_state_comes_to_prediction_and_state_as_differences_say
         let off = [worst(&slope, &by_state), worst(&by_change, &by_prediction)];
         assert!(worse(off[0], off[1]) < 1e-6, "{robot}, {base:?}: by the state {:.1e}, by the prediction {:.1e} off", off[0], off[1]);
     }
+}
+
+#[test]
+fn a_learned_frame_goes_back_to_state_and_torques_as_differences_say() {
+    for (robot, scene) in ROBOTS {
+        let system = System::named(robot).expect("built in");
+        let (form, scene) = (Form { base: Base::Trapezoid, view: View::Moving }, system.scene(scene).expect("built in"));
+        let (inputs, d, nv, joints) =
+            (Features::inputs(&system, form), system.robot.state_dim(), system.robot.nv(), system.robot.joint_count());
+        let paper = TransformerConfig::paper(inputs, d, 24);
+        let network = TransformerConfig { layers: 2, heads: 1, block: 1, history: 1, architecture: Architecture::Residual, ..paper };
+        // A network that says much: what it adds is as large as what it is added to.
+        let unit = |n: usize, variance: f64| Moments { mean: vec![0.0; n], variance: vec![variance; n], epsilon: 1e-5 };
+        let normalizer = Normalizer { inputs: unit(inputs, 1.0), outputs: unit(d, 4.0) };
+        let mut solver = Neural::on_cpu(common::unlearned(&system, form, network, normalizer));
+        let (n, rows) = (20, 2);
+        let mut batch = Batch::new(&system, &scene, n);
+        let truth = &mut Articulated::new(ArticulatedConfig::accurate(&system));
+        (0..n).for_each(|env| batch.reset(env, &start(&system, Start::Reset, &mut stream(7, env as u64))));
+        (0..20).for_each(|_| truth.step(&mut batch, &vec![0.0; n * joints]).expect("a frame"));
+        let (torques, by_next) = (some(n * joints, 1.0), some(n * rows * 2 * nv, 1.0));
+        let found = solver.back(&batch, &torques, rows, &by_next).expect("slopes");
+        let mut stepped = batch.clone();
+        solver.step(&mut stepped, &torques).expect("a frame");
+        let apart = found.next.iter().zip(&stepped.states).map(|(a, b)| (a - b).abs()).fold(0.0, worse);
+        assert!(apart < 1e-5, "{robot}: the frame of the way back is {apart:.1e} from the step");
+
+        // Of every environment the products of its rows with the state after the frame, all moved at once along one direction.
+        let mut values = |change: &dyn Fn(&mut [f64], &mut [f64])| -> Vec<f64> {
+            let (mut moved, mut torques) = (batch.clone(), torques.clone());
+            (0..n).for_each(|env| change(moved.state_mut(env), &mut torques[env * joints..][..joints]));
+            solver.step(&mut moved, &torques).expect("a frame");
+            let one = |i: usize| {
+                let lies = nerd_core::tangent::difference(&system.robot, &found.next[i / rows * d..][..d], moved.state(i / rows));
+                lies.iter().zip(&by_next[i * 2 * nv..]).map(|(x, g)| x * g).sum::<f64>()
+            };
+            (0..n * rows).map(one).collect()
+        };
+        let mut slope = |h: f64, change: &dyn Fn(f64, &mut [f64], &mut [f64])| -> Vec<f64> {
+            let mut apart = |h: f64| -> Vec<f64> {
+                let [ahead, behind] = [h, -h].map(|h| values(&|state, torques| change(h, state, torques)));
+                ahead.iter().zip(&behind).map(|(a, b)| a - b).collect()
+            };
+            apart(h).iter().zip(apart(2.0 * h)).map(|(one, two)| (8.0 * one - two) / (12.0 * h)).collect()
+        };
+        let by_state: Vec<Vec<f64>> =
+            (0..2 * nv).map(|k| slope(1e-3, &|by, state, _| state.copy_from_slice(&moved(&system, state, k, by)))).collect();
+        let by_torque: Vec<Vec<f64>> = (0..joints).map(|k| slope(3e-2, &|by, _, torques| torques[k] += by)).collect();
+        let near = |env: usize| {
+            let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
+            contacts(&system.robot, &scene, batch.state(env), &mut data, &mut events);
+            // Where a contact comes into sight a token jumps.
+            events.iter().zip(&system.robot.contact_points).any(|(e, p)| (e.distance - p.threshold()).abs() < 0.005)
+        };
+        let (mut off, mut count) = ([0.0f64; 2], 0);
+        for i in (0..n * rows).filter(|i| !near(i / rows)) {
+            let expected = |of: &[Vec<f64>]| of.iter().map(|all| all[i]).collect::<Vec<f64>>();
+            off[0] = worse(off[0], worst(&found.states[i * 2 * nv..][..2 * nv], &expected(&by_state)));
+            off[1] = worse(off[1], worst(&found.torques[i * joints..][..joints], &expected(&by_torque)));
+            count += 1;
+        }
+        println!("{robot}: {count} of {} slopes, by the state {:.1e}, by torques {:.1e} of the largest off", n * rows, off[0], off[1]);
+        assert!(count >= 8, "{robot}: {count} slopes");
+        assert!(off.iter().all(|off| *off < 1.5e-2), "{robot}: {off:?} off");
+    }
+}
+
+#[test]
+fn a_network_that_remembers_has_no_slopes() {
+    let system = System::named("pendulum").expect("built in");
+    let batch = Batch::new(&system, &system.scene("free").expect("built in"), 1);
+    let said = Neural::on_cpu(common::model(&system, Base::State)).back(&batch, &[0.0; 2], 1, &[0.0; 4]).expect_err("refused").to_string();
+    assert!(said.contains("sees more than one frame") && !said.contains('\n'), "{said}");
 }

@@ -24,20 +24,37 @@ impl Loaded {
     /// if that is asked for, or else nothing.
     pub fn backward(&self, tokens: usize, upstream: &[f32], memory: &mut Memory, by_tokens: bool) -> (Vec<f32>, Vec<f32>) {
         let mut gradient = vec![0.0; self.flat.len()];
+        let of_tokens = self.way_back(tokens, upstream, memory, Some(&mut gradient), by_tokens);
+        (gradient, of_tokens)
+    }
+
+    /// Gradient by the tokens alone; the same pass may be asked again.
+    pub fn backward_to_tokens(&self, tokens: usize, upstream: &[f32], memory: &mut Memory) -> Vec<f32> {
+        self.way_back(tokens, upstream, memory, None, true)
+    }
+
+    fn way_back(
+        &self,
+        tokens: usize,
+        upstream: &[f32],
+        memory: &mut Memory,
+        mut gradient: Option<&mut [f32]>,
+        by_tokens: bool,
+    ) -> Vec<f32> {
         let mut slopes: Vec<Vec<f32>> = vec![Vec::new(); self.program.widths.len()];
         let mut last = taken(&mut memory.spare, upstream.len());
         last.clear();
         last.extend_from_slice(upstream);
         slopes[self.program.predictions().0] = last;
         for i in (0..self.program.steps.len()).rev() {
-            self.back(i, tokens, &mut slopes, memory, &mut gradient, by_tokens);
+            self.back(i, tokens, &mut slopes, memory, gradient.as_deref_mut(), by_tokens);
         }
         let of_tokens = std::mem::take(&mut slopes[0]);
         memory.spare.extend(slopes.into_iter().filter(|s| s.capacity() > 0));
-        (gradient, of_tokens)
+        of_tokens
     }
 
-    fn back(&self, i: usize, tokens: usize, slopes: &mut [Vec<f32>], memory: &mut Memory, gradient: &mut [f32], by_tokens: bool) {
+    fn back(&self, i: usize, tokens: usize, slopes: &mut [Vec<f32>], memory: &mut Memory, gradient: Option<&mut [f32]>, by_tokens: bool) {
         let Step { from, to, op } = self.program.steps[i];
         let Memory { values, aside, spare, attention, slopes: cut } = memory;
         let (x, y) = (&values[from.0], &values[to.0]);
@@ -52,29 +69,35 @@ impl Loaded {
         }
         match op {
             Op::Linear { weight, scale, bias, .. } => {
-                let (inner, outer) = (self.program.width(from), self.program.width(to));
-                let (n, w) = (dy.len() / outer, self.tensor(weight));
-                cut.cut(n, &dy);
-                cut.across(x, &mut gradient[range(weight)]);
-                if let Some(bias) = bias {
-                    sum_rows(&dy, &mut gradient[range(bias)]);
-                }
                 match asked.then(|| self.turned(i)).flatten() {
                     Some(back) if first => back.product(&dy, None, &mut dx),
                     Some(back) => back.add_product(&dy, &mut dx),
                     None => {}
                 }
-                if let Some(scale) = scale {
-                    let mut norms = vec![0.0; inner];
-                    let rows = gradient[range(weight)].chunks_exact_mut(outer).zip(w.chunks_exact(outer));
-                    for ((d, s), (d_row, row)) in norms.iter_mut().zip(self.tensor(scale)).zip(rows) {
-                        *d = d_row.iter().zip(row).map(|(d, x)| d * x).sum();
-                        d_row.iter_mut().for_each(|d| *d *= s);
+                let (inner, outer) = (self.program.width(from), self.program.width(to));
+                if let Some(gradient) = gradient {
+                    let (n, w) = (dy.len() / outer, self.tensor(weight));
+                    cut.cut(n, &dy);
+                    cut.across(x, &mut gradient[range(weight)]);
+                    if let Some(bias) = bias {
+                        sum_rows(&dy, &mut gradient[range(bias)]);
                     }
-                    gradient[range(scale)].copy_from_slice(&norms);
+                    if let Some(scale) = scale {
+                        let mut norms = vec![0.0; inner];
+                        let rows = gradient[range(weight)].chunks_exact_mut(outer).zip(w.chunks_exact(outer));
+                        for ((d, s), (d_row, row)) in norms.iter_mut().zip(self.tensor(scale)).zip(rows) {
+                            *d = d_row.iter().zip(row).map(|(d, x)| d * x).sum();
+                            d_row.iter_mut().for_each(|d| *d *= s);
+                        }
+                        gradient[range(scale)].copy_from_slice(&norms);
+                    }
                 }
             }
-            Op::Place(table) => sum_rows(&dy, &mut gradient[range(table)][..tokens * self.program.width(to)]),
+            Op::Place(table) => {
+                if let Some(gradient) = gradient {
+                    sum_rows(&dy, &mut gradient[range(table)][..tokens * self.program.width(to)]);
+                }
+            }
             Op::Norm => {
                 if first {
                     dx.clear();

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 use std::sync::Arc;
 
+use nerd_model::around::Around;
 use nerd_model::device::{settings, token_functions};
 use nerd_model::features::Features;
 use nerd_sim::articulated::device::{Reach, Real, record};
@@ -14,13 +15,13 @@ use super::{Robot, SHARE};
 
 impl OnCard for Robot {
     fn widths(&self) -> Widths {
-        let robot = &self.system.robot;
-        let inputs = Features::inputs(&self.system, self.form);
+        let Around { system, form, .. } = &self.around;
+        let (robot, inputs) = (&system.robot, Features::inputs(system, *form));
         Widths { state: robot.state_dim(), kept: 0, inputs, torques: robot.joint_count(), threads: None }
     }
 
     fn program(&self, system: &Arc<System>, rollouts: usize, colliders: usize) -> String {
-        let mut text = token_functions(self.form, &self.normalizer, system, Real::F64, colliders);
+        let mut text = token_functions(self.around.form, &self.around.normalizer, system, Real::F64, colliders);
         let _ = writeln!(text, "#define SHARE {SHARE:e}\n#define ROLLOUTS {rollouts}");
         for (name, numbers) in [("UNIT", &self.units), ("COUNTS", &self.weights)] {
             let numbers: Vec<String> = numbers.iter().map(|x| format!("{x:e}")).collect();

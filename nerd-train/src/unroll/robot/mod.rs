@@ -9,13 +9,11 @@ use nerd_core::contact::ContactEvent;
 use nerd_core::dynamics::Data;
 use nerd_core::state::wrap_state;
 use nerd_core::tangent::{difference, difference_back};
-use nerd_model::base::Base;
+use nerd_model::around::Around;
 use nerd_model::features::Features;
 use nerd_model::form::Form;
 use nerd_model::normalizer::Normalizer;
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
-use nerd_model::slopes::{Seen, apply_back, token_back};
-use nerd_model::trapezoid;
 use nerd_sim::scene::contacts;
 use nerd_sim::system::System;
 use rayon::prelude::*;
@@ -38,12 +36,8 @@ const LEAST: f64 = 1e-9;
 /// that velocity over a frame; of a pose it is that times the frame's time.
 #[derive(Clone)]
 pub struct Robot {
-    /// Which.
-    pub system: Arc<System>,
-    /// On [`Base::State`] or [`Base::Trapezoid`], seen from its own frame.
-    pub form: Form,
-    /// Of its network.
-    pub normalizer: Normalizer,
+    /// Which, and how it is seen.
+    pub around: Around,
     /// What errors count from, by number of the tangent space.
     pub units: Vec<f64>,
     /// What they count.
@@ -68,13 +62,7 @@ impl Robot {
         }
         let weight = |k: usize| 1.0 / if k % nv < dofs { 3.0 } else { (nv - dofs) as f64 };
         let weights = (0..2 * nv).map(weight).collect();
-        Self { system: system.clone(), form: form.into(), normalizer: normalizer.clone(), units, weights }
-    }
-
-    /// Predicted change, in units of the state.
-    fn change(&self, outputs: &[f32]) -> Vec<f64> {
-        let moments = &self.normalizer.outputs;
-        outputs.iter().zip(moments.scale().zip(&moments.mean)).map(|(x, (scale, mean))| f64::from(*x) * scale + mean).collect()
+        Self { around: Around { system: system.clone(), form: form.into(), normalizer: normalizer.clone() }, units, weights }
     }
 
     fn norm(&self, slope: &[f64]) -> f64 {
@@ -104,7 +92,7 @@ impl Body for Robot {
     type Memory = Scratch;
 
     fn memory(&self) -> Scratch {
-        Scratch { features: Features::new(&self.system, self.form), data: Data::new(&self.system.robot) }
+        Scratch { features: Features::new(&self.around.system, self.around.form), data: Data::new(&self.around.system.robot) }
     }
 
     fn tokens(&self) -> usize {
@@ -126,21 +114,21 @@ impl Body for Robot {
         tokens: &mut Vec<f32>,
     ) -> Looked {
         let (mut events, scene) = (Vec::new(), &motions.scenes[place.motion]);
-        if !self.system.robot.contact_points.is_empty() {
-            contacts(&self.system.robot, scene, state, data, &mut events);
+        if !self.around.system.robot.contact_points.is_empty() {
+            contacts(&self.around.system.robot, scene, state, data, &mut events);
         }
         let first = tokens.len();
-        tokens.resize(first + self.normalizer.inputs.mean.len(), 0.0);
+        tokens.resize(first + self.around.normalizer.inputs.mean.len(), 0.0);
         let torques = motions.torques(place.motion, place.frame);
         features.token(state, &events, torques, &scene.gravity, &mut tokens[first..]);
-        self.normalizer.inputs.normalize(&mut tokens[first..]);
+        self.around.normalizer.inputs.normalize(&mut tokens[first..]);
         Looked { contacts: events, gravity: scene.gravity }
     }
 
     fn advance(&self, before: &Vec<f64>, _: &Looked, outputs: &[f32], scratch: &mut Scratch) -> Vec<f64> {
         let mut next = vec![0.0; before.len()];
-        scratch.features.apply(before, &self.change(outputs), &mut next);
-        wrap_state(&self.system.robot, &mut next);
+        scratch.features.apply(before, &self.around.change(outputs).collect::<Vec<_>>(), &mut next);
+        wrap_state(&self.around.system.robot, &mut next);
         next
     }
 
@@ -150,10 +138,10 @@ impl Body for Robot {
 
     fn loss(&self, [predicted, truth]: [&Vec<f64>; 2], k: usize, weight: f64, slope: &mut Vec<f64>) -> f64 {
         let q = 2.0 * SHARE * (k as f64).sqrt();
-        let (error, mut by_error) = (difference(&self.system.robot, truth, predicted), self.level());
+        let (error, mut by_error) = (difference(&self.around.system.robot, truth, predicted), self.level());
         let numbers = error.iter().zip(&self.units).zip(&self.weights).zip(&mut by_error);
         let total = numbers.map(|(((e, unit), share), by)| bent(*e, unit * q, weight * share, by)).sum();
-        difference_back(&self.system.robot, truth, predicted, &by_error, slope);
+        difference_back(&self.around.system.robot, truth, predicted, &by_error, slope);
         total
     }
 
@@ -163,16 +151,7 @@ impl Body for Robot {
     }
 
     fn advance_back(&self, before: &Vec<f64>, _: &Looked, outputs: &[f32], upstream: &Vec<f64>, slope: &mut Vec<f64>) -> Vec<f32> {
-        let (robot, time, prediction) = (&self.system.robot, self.system.frame_time, self.change(outputs));
-        let (mut change, mut by_change) = (prediction.clone(), vec![0.0; before.len()]);
-        if self.form.base == Base::Trapezoid {
-            trapezoid::add(robot, time, before, &mut change);
-        }
-        apply_back(robot, before, &change, upstream, slope, &mut by_change);
-        if self.form.base == Base::Trapezoid {
-            trapezoid::back(robot, time, before, &prediction, &mut by_change, slope);
-        }
-        by_change.iter().zip(self.normalizer.outputs.scale()).map(|(g, scale)| (g * scale) as f32).collect()
+        self.around.outputs_back(before, outputs, upstream, slope)
     }
 
     fn look_back(
@@ -184,9 +163,7 @@ impl Body for Robot {
         slope: &mut Vec<f64>,
         scratch: &mut Scratch,
     ) {
-        let by: Vec<f64> = by_tokens.iter().zip(self.normalizer.inputs.scale()).map(|(g, scale)| f64::from(*g) / scale).collect();
-        let seen = Seen { state: before, contacts, gravity: *gravity, view: self.form.view, frame_time: self.system.frame_time };
-        token_back(&self.system.robot, &seen, &by, &mut scratch.data, slope);
+        self.around.token_back(before, (contacts, *gravity), by_tokens, &mut scratch.data, slope);
     }
 
     fn missed(&self, motions: &Motions, network: &Loaded, frames: usize) -> f64 {
@@ -199,7 +176,7 @@ impl Body for Robot {
             let after = self.advance(&before, &events, &outputs, scratch);
             let truth = self.truth(motions, &Place { frame: place.frame + 1, ..place });
             let size = |a: &[f64], b: &[f64]| {
-                let error = difference(&self.system.robot, a, b);
+                let error = difference(&self.around.system.robot, a, b);
                 let velocities = error.iter().zip(&self.units).skip(error.len() / 2);
                 velocities.map(|(e, unit)| (e / unit).abs()).sum::<f64>()
             };

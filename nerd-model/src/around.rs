@@ -1,0 +1,69 @@
+//! What surrounds the network of a robot that is seen by one token: from outputs to the change of a state, and the way back of a frame.
+
+use std::sync::Arc;
+
+use nalgebra::Vector3;
+use nerd_core::contact::ContactEvent;
+use nerd_core::dynamics::Data;
+use nerd_sim::system::System;
+
+use crate::base::Base;
+use crate::features::Features;
+use crate::form::Form;
+use crate::normalizer::Normalizer;
+use crate::slopes::{Seen, apply_back, token_back};
+use crate::trapezoid;
+
+/// What a robot's tokens and predictions mean.
+#[derive(Clone)]
+pub struct Around {
+    /// The robot.
+    pub system: Arc<System>,
+    /// On [`Base::State`] or [`Base::Trapezoid`].
+    pub form: Form,
+    /// Of its network.
+    pub normalizer: Normalizer,
+}
+
+impl Around {
+    /// Predicted change, in units of the state.
+    pub fn change<'a>(&'a self, outputs: &'a [f32]) -> impl Iterator<Item = f64> + 'a {
+        let moments = &self.normalizer.outputs;
+        outputs.iter().zip(moments.scale().zip(&moments.mean)).map(|(x, (scale, mean))| f64::from(*x) * scale + mean)
+    }
+
+    /// Gradients by the network's outputs from an `upstream` one by the state after the frame, in its tangent space; what comes directly to
+    /// the state before it is added to `slope`.
+    pub fn outputs_back(&self, before: &[f64], outputs: &[f32], upstream: &[f64], slope: &mut [f64]) -> Vec<f32> {
+        let (robot, time, prediction) = (&self.system.robot, self.system.frame_time, self.change(outputs).collect::<Vec<_>>());
+        let (mut change, mut by_change) = (prediction.clone(), vec![0.0; before.len()]);
+        if self.form.base == Base::Trapezoid {
+            trapezoid::add(robot, time, before, &mut change);
+        }
+        apply_back(robot, before, &change, upstream, slope, &mut by_change);
+        if self.form.base == Base::Trapezoid {
+            trapezoid::back(robot, time, before, &prediction, &mut by_change, slope);
+        }
+        by_change.iter().zip(self.normalizer.outputs.scale()).map(|(g, scale)| (g * scale) as f32).collect()
+    }
+
+    /// Adds to `slope`, by the state, what comes of gradients by its normalised token; those by the token's own numbers.
+    pub fn token_back(
+        &self,
+        state: &[f64],
+        (contacts, gravity): (&[ContactEvent], Vector3<f64>),
+        by_token: &[f32],
+        data: &mut Data,
+        slope: &mut [f64],
+    ) -> Vec<f64> {
+        let by: Vec<f64> = by_token.iter().zip(self.normalizer.inputs.scale()).map(|(g, scale)| f64::from(*g) / scale).collect();
+        let seen = Seen { state, contacts, gravity, view: self.form.view, frame_time: self.system.frame_time };
+        token_back(&self.system.robot, &seen, &by, data, slope);
+        by
+    }
+
+    /// Of gradients by a token's numbers those by the torques.
+    pub fn of_torques<'a>(&self, by_token: &'a [f64]) -> &'a [f64] {
+        &by_token[Features::torques(&self.system, self.form)..][..self.system.robot.joint_count()]
+    }
+}
