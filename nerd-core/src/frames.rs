@@ -12,10 +12,7 @@
 //! token before they are (5) to (8). Differences are taken in f64 before anything is cast to f32, so moving or
 //! turning the world changes them by rounding only.
 
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
-
-use crate::robot::Robot;
-use crate::state::{quaternion, vector, write_quaternion};
+use crate::prelude::*;
 
 /// Velocity of a floating root in its own axes: angular (rad/s), and of its origin (m/s).
 pub fn own_velocity(state: &[f64], nq: usize) -> [Vector3<f64>; 2] {

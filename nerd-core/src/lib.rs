@@ -13,12 +13,12 @@ pub use nalgebra;
 
 /// What most programs need.
 pub mod prelude {
-    pub use crate::contact::{ContactEvent, ContactPoint};
-    pub use crate::dynamics::{Axes, Data, Derivatives, NoInertia, Totals, totals};
+    pub use crate::contact::{ContactEvent, ContactPoint, Locus};
+    pub use crate::dynamics::{Axes, Data, Derivatives, NoInertia, Totals, kinematics, point_position, totals};
     pub use crate::frames::RootFrame;
     pub use crate::robot::{Base, FixedFrame, Joint, JointIndex, JointKind, Limit, Link, Robot, Shape, UnknownName, UrdfError, UrdfRobot};
     pub use crate::spatial::{BodyInertia, Motion, SpatialInertia, Wrench};
-    pub use crate::state::wrap;
+    pub use crate::state::{quaternion, vector, wrap, write_quaternion};
     pub use crate::velocity::{LocalVelocity, SpatialTwist};
-    pub use nalgebra::{Isometry3, Vector3};
+    pub use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3};
 }

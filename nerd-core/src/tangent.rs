@@ -2,11 +2,9 @@
 //! first. Those of a free root are a turn (rad), a way (m), an angular and a linear velocity of the root in **its own axes**:
 //! `R -> R exp(t)`, `x -> x + R d`, `a = R^-1 w`, `b = R^-1 x_dot`. Joints add.
 
-use nalgebra::{UnitQuaternion, Vector3};
-
 use crate::frames::own_velocity;
-use crate::robot::Robot;
-use crate::state::{quaternion, vector, wrap, wrap_state, write_quaternion};
+use crate::prelude::*;
+use crate::state::wrap_state;
 
 /// Writes to `out` the state to which `change` leads from `state`; to first order in it the inverse of [`difference`].
 pub fn moved(robot: &Robot, state: &[f64], change: &[f64], out: &mut [f64]) {

@@ -9,10 +9,7 @@
 //!
 //! Both are in world axes. Either wraps whatever holds the numbers: a `Vec`, an array, a slice.
 
-use nalgebra::{UnitQuaternion, Vector3};
-
-use crate::robot::{Base, Robot};
-use crate::state::{quaternion, vector, write_quaternion};
+use crate::prelude::*;
 
 /// Velocity in the form of a state: a floating root's twist about the world's origin, then the joints' rates.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,8 +1,6 @@
 //! Errors of files: one line that names the file; for `map_err`.
 
-use std::path::Path;
-
-use anyhow::Error;
+use crate::prelude::*;
 
 /// Of reading or writing it.
 pub fn file(path: &Path) -> impl Fn(std::io::Error) -> Error + '_ {

@@ -1,13 +1,11 @@
 //! What most files of the laboratory use.
 
 pub(crate) use std::path::{Path, PathBuf};
-pub(crate) use std::sync::Arc;
 
 pub(crate) use anyhow::{Error, Result, bail};
 pub(crate) use nerd_model::folder::{Model, ModelConfig};
 pub(crate) use nerd_model::pick::Setting;
 pub(crate) use nerd_sim::prelude::*;
-pub(crate) use nerd_sim::sampling::{Start, stream};
 pub(crate) use nerd_train::bounds::{self, FRAMES, SEEDS, STARTS, SUBSTEPS};
 pub(crate) use nerd_train::device::Device;
 pub(crate) use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport, passive};

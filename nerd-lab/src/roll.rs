@@ -1,9 +1,6 @@
 //! Batches that begin by a robot's laws, and roll out without torques.
 
-use std::sync::Arc;
-
-use nerd_sim::prelude::*;
-use nerd_sim::sampling::{Start, start, stream};
+use crate::prelude::*;
 
 /// `n` environments, each from a start drawn from its own stream of the seed.
 pub fn begun(system: &Arc<System>, scene: &Arc<Scene>, n: usize, law: Start, seed: u64) -> Batch {

@@ -1,7 +1,6 @@
 //! What a data set holds, and what a replay shows.
 
 use std::path::Path;
-use std::sync::Arc;
 
 use nerd_lab::inspect::Inspection;
 use nerd_sim::dataset::{GenerateConfig, Manifest, generate, read_shard, sha256_of, write_shard};

@@ -16,7 +16,6 @@ use nerd_model::base::Base;
 use nerd_model::pick::Setting;
 use nerd_model::transformer::Storage;
 use nerd_sim::prelude::*;
-use nerd_sim::sampling::stream;
 use nerd_tasks::named;
 use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport};
 use nerd_train::ppo::folder::{PolicyConfig, save};

@@ -2,14 +2,10 @@
 //! (`NERD_MUJOCO`, the path of a Python that has it), it moves as ours does.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
-use nerd_core::robot::Limit;
-use nerd_core::state::wrap;
 use nerd_lab::mujoco::{Mujoco, Referee, Scheme, from_mujoco, to_mujoco};
 use nerd_sim::mjcf::mjcf;
 use nerd_sim::prelude::*;
-use nerd_sim::sampling::{Start, start, stream};
 
 /// A robot and one of its scenes.
 fn place(robot: &str, scene: &str) -> (Arc<System>, Arc<Scene>) {

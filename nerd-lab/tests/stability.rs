@@ -1,8 +1,5 @@
 //! Every row of the stability suite can go red, and what the presets are for.
 
-use std::sync::Arc;
-
-use nerd_core::state::{quaternion, vector};
 use nerd_lab::experiments::stability::{accurate, converged, paper};
 use nerd_sim::prelude::*;
 use nerd_sim::suite::{Method, Suite, Verdict};

@@ -1,16 +1,10 @@
 //! What surrounds the network of a robot that is seen by one token: from outputs to the change of a state, and the way back of a frame.
 
-use std::sync::Arc;
-
-use nalgebra::Vector3;
-use nerd_core::contact::ContactEvent;
-use nerd_core::dynamics::Data;
-use nerd_sim::system::System;
-
 use crate::base::Base;
 use crate::features::Features;
 use crate::form::Form;
 use crate::normalizer::Normalizer;
+use crate::prelude::*;
 use crate::slopes::{Seen, apply_back, token_back};
 use crate::trapezoid;
 

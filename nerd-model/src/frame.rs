@@ -1,18 +1,11 @@
 //! One frame of a few environments around the network: contacts and tokens before it, predictions to states after it, and the way back.
 
-use std::sync::Arc;
-
-use nerd_core::contact::ContactEvent;
-use nerd_core::dynamics::Data;
 use nerd_core::state::wrap_state;
-use nerd_sim::batch::Batch;
-use nerd_sim::scene::contacts;
 use nerd_sim::solver::{Fault, Slopes};
-use nerd_sim::system::System;
 
 use crate::around::Around;
 use crate::features::Features;
-use crate::folder::Model;
+use crate::prelude::*;
 use crate::program::cpu::{Loaded, Memory, Pass};
 
 /// Working memory of one thread.

@@ -5,15 +5,12 @@
 
 use std::fmt;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
-use nerd_sim::prelude::*;
-use nerd_sim::truth::Truth;
 use serde::{Deserialize, Serialize};
 
 use crate::chain::ChainSolver;
-use crate::folder::{Model, ModelError};
-use crate::neural::Neural;
+use crate::folder::ModelError;
+use crate::prelude::*;
 use crate::transformer::Architecture;
 
 /// A solver at one setting. Its words, in every table and picture, are those of [`Setting::series`] and of its `Display`:

@@ -1,8 +1,5 @@
 //! Chains: rods and back, the adjoint, the solver.
 
-use std::sync::Arc;
-
-use nalgebra::Vector3;
 use nerd_model::chain::{Chain, ChainSolver, INPUTS, Look, OUTPUTS, Outputs, Rods};
 use nerd_model::normalizer::{Moments, Normalizer};
 use nerd_model::transformer::{Architecture, TransformerConfig, Weights};

@@ -1,17 +1,9 @@
 //! Tokens and targets: what is predicted leads to the next state in every form, and a token sees what it should.
 
-use std::sync::Arc;
-
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
-use nerd_core::dynamics::Data;
-use nerd_core::state::{quaternion, vector, wrap, write_quaternion};
 use nerd_model::base::Base;
 use nerd_model::features::Features;
 use nerd_model::form::{Form, View};
 use nerd_sim::prelude::*;
-use nerd_sim::sampling::{Start, start, stream};
-use nerd_sim::scene::contacts;
-use nerd_sim::scene::{Collider, Plane};
 
 fn forms() -> impl Iterator<Item = Form> {
     [Base::State, Base::Trapezoid].into_iter().flat_map(|base| [View::Own, View::Moving].map(|view| Form { base, view }))

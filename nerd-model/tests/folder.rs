@@ -10,7 +10,6 @@ use nerd_model::base::Base;
 use nerd_model::folder::{Model, ModelConfig};
 use nerd_model::transformer::{Architecture, Positions, Storage, TransformerConfig, Weights, packed};
 use nerd_sim::prelude::*;
-use nerd_sim::sampling::stream;
 use rand::RngExt;
 use tempfile::TempDir;
 

@@ -5,21 +5,18 @@ mod common;
 #[path = "../../nerd-sim/tests/cpp/mod.rs"]
 mod cpp;
 
-use std::sync::{Arc, Mutex};
+use std::sync::Mutex;
 
 use common::placed;
 use nerd_model::base::Base;
 use nerd_model::chain::{Chain, ChainSolver, INPUTS, Look, OUTPUTS, chain_program};
 use nerd_model::device::{Products, held_in_f16, padded, program, settings, whole_program};
-use nerd_model::folder::Model;
 use nerd_model::form::{Form, View};
-use nerd_model::neural::Neural;
+use nerd_model::prelude::*;
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
 use nerd_model::transformer::{Architecture, ForwardError, Positions, Stream, TransformerConfig, Weights};
 use nerd_sim::articulated::device::{Reach, Real, record};
 use nerd_sim::dataset::{GenerateConfig, begin};
-use nerd_sim::prelude::*;
-use nerd_sim::sampling::{Start, start, stream};
 
 /// Environments that mostly touch something.
 fn fallen(system: &Arc<System>, scene: &str, n: usize) -> (Batch, Vec<f64>) {

@@ -4,17 +4,12 @@
 
 mod common;
 
-use std::sync::Arc;
-
 use common::{POSITIONS, gap, model, placed};
-use nalgebra::Vector3;
 use nerd_model::base::Base;
 use nerd_model::features::Features;
-use nerd_model::neural::Neural;
+use nerd_model::prelude::*;
 use nerd_model::transformer::Positions;
 use nerd_sim::instruments::{Glide, Hold};
-use nerd_sim::prelude::*;
-use nerd_sim::sampling::{Start, start, stream};
 
 const BOUND: f64 = 1e-5;
 

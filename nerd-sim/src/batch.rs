@@ -1,16 +1,6 @@
 //! A batch: n environments of one system, each with its own scene.
 
-use std::sync::Arc;
-
-use nalgebra::{Isometry3, Vector3};
-use nerd_core::robot::UnknownName;
-use nerd_core::spatial::Motion;
-use nerd_core::state::write_quaternion;
-use nerd_core::velocity::LocalVelocity;
-
-use crate::drive::Drive;
-use crate::scene::Scene;
-use crate::system::System;
+use crate::prelude::*;
 
 /// Why a batch cannot say or do what it is asked.
 #[derive(Debug, thiserror::Error)]

@@ -1,11 +1,8 @@
 //! Controllers: actions in [-1, 1] to joint torques, once a frame, outside any solver.
 
-use std::sync::Arc;
+use nerd_core::dynamics::{Factor, bias, crba, to_local};
 
-use nerd_core::dynamics::{Data, Factor, bias, crba, kinematics, to_local};
-use nerd_core::state::wrap;
-
-use crate::system::System;
+use crate::prelude::*;
 
 /// A system's own controller: torque, or joint position by a PD law. An action has one entry a joint.
 #[derive(Clone, Debug)]

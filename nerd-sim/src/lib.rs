@@ -34,15 +34,19 @@ pub use system::cable;
 
 /// What most programs need; nerd-core's beside it.
 pub mod prelude {
+    pub use std::sync::Arc;
+
     pub use nerd_core::prelude::*;
 
     pub use crate::articulated::{Articulated, ArticulatedConfig, ContactStep, Friction, Integrator, Refresh};
     pub use crate::batch::{Batch, BatchError};
     pub use crate::control::Controller;
     pub use crate::drive::Drive;
+    pub use crate::range::Range;
     #[cfg(feature = "rapier")]
     pub use crate::rapier::{Rapier, RapierConfig};
-    pub use crate::scene::{Collider, Material, Plane, Scene};
+    pub use crate::sampling::{Start, start, stream};
+    pub use crate::scene::{Collider, GRAVITY, Material, Plane, Scene, contacts};
     pub use crate::solver::{Capabilities, Simulation, Solver, StepError};
     pub use crate::system::{System, SystemError};
     pub use crate::truth::Truth;

@@ -4,13 +4,10 @@
 //! Limits are our spring and damper (see `limit`); contacts are MuJoCo's own, soft constraints with its default
 //! settings, with the friction of the pair. What it would need a mesh for is refused.
 
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
-use nerd_core::dynamics::{Data, Factor, crba, kinematics};
-use nerd_core::robot::{Base, Joint, JointKind, Limit, Link, Robot, ShapeKind};
+use nerd_core::dynamics::{Factor, crba};
+use nerd_core::robot::ShapeKind;
 
-use crate::drive::Drive;
-use crate::scene::{Collider, Scene};
-use crate::system::System;
+use crate::prelude::*;
 
 /// Why a system cannot be written for MuJoCo; one line.
 #[derive(Debug, thiserror::Error)]

@@ -16,13 +16,9 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
-use crate::batch::Batch;
 use crate::files::FileError;
-use crate::scene::Scene;
-use crate::solver::{Solver, StepError};
-use crate::system::System;
+use crate::prelude::*;
 use crate::table::{Table, twice};
 
 /// Largest number of a step: at 1/60 s, four and a half hours.

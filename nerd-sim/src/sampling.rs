@@ -1,19 +1,14 @@
 //! Task-agnostic sampling: starts and scenes.
 
-use std::sync::Arc;
-
-use nalgebra::Vector3;
-use nerd_core::dynamics::{Data, kinematics, point_position};
-use nerd_core::state::quaternion;
 use rand::{Rng, RngExt};
 
+use crate::prelude::*;
 use crate::random::direction;
 pub use crate::random::{normal, stream};
-use crate::range::Range;
-use crate::scene::{Collider, PegSpec, Plane, Scene, contacts, peg, place};
+use crate::scene::{PegSpec, peg, place};
 pub use crate::system::Start;
 use crate::system::start::{clear_start, draw, write_twist};
-use crate::system::{RandomPegs, RandomPlane, RootStart, System};
+use crate::system::{RandomPegs, RandomPlane, RootStart};
 
 /// Rounds of draws after which a start that is not clear is taken: a specification that was changed since its system was made may have
 /// none.

@@ -1,10 +1,8 @@
 //! The solvers of [`Truth`], from which models learn.
 
-use crate::articulated::{Articulated, ArticulatedConfig, Friction};
+use crate::prelude::*;
 #[cfg(feature = "rapier")]
 use crate::rapier::{Rapier, RapierConfig};
-use crate::solver::Solver;
-use crate::system::System;
 pub use crate::system::truth::Truth;
 #[cfg(feature = "rapier")]
 use crate::system::truth::{ITERATIONS, STEPS};

@@ -13,15 +13,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use std::sync::Arc;
-
 use rand::Rng;
 
-use crate::batch::Batch;
-use crate::random::stream;
-use crate::range::Range;
+use crate::prelude::*;
 pub use crate::system::vary::VarySpec;
-use crate::system::{System, SystemError};
 
 /// A system with numbers drawn from the ranges of its `[vary]`, itself where it has none; and what was drawn, by [`columns`].
 pub fn draw(system: &Arc<System>, rng: &mut impl Rng) -> (Arc<System>, Vec<f64>) {

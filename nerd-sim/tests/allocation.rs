@@ -9,7 +9,6 @@ use std::cell::Cell;
 
 use common::*;
 use nerd_sim::prelude::*;
-use nerd_sim::sampling::{Start, start, stream};
 
 struct Counting;
 

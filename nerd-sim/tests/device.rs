@@ -3,16 +3,12 @@
 mod common;
 mod cpp;
 
-use std::sync::Arc;
-
 use common::*;
 use cpp::Compiler;
 use nerd_sim::articulated::device::{Reach, Real, packed, program, record};
 use nerd_sim::dataset::{GenerateConfig, begin};
 use nerd_sim::drive::holding;
-use nerd_sim::nerd_core::dynamics::{Data, kinematics, point_position};
 use nerd_sim::prelude::*;
-use nerd_sim::sampling::{Start, start, stream};
 
 /// How far kernels are from the solver after some frames: the largest difference of each environment's state, relative to 1 and to its
 /// size, and that of all forces, relative to the robot's weight.

@@ -3,9 +3,7 @@
 //! A step is [`crate::Task::frames`] frames, each one call of the solver for all environments. Every episode draws from a
 //! ChaCha8 stream of its own, keyed by (seed, environment, episode), so what happens depends on neither threads nor neighbours.
 
-use nerd_sim::batch::Batch;
-use nerd_sim::sampling::stream;
-use nerd_sim::solver::{Simulation, StepError};
+use nerd_sim::prelude::*;
 use rayon::prelude::*;
 
 use crate::snapshot::{MOVED, Past};

@@ -19,12 +19,10 @@
 //! the next 1/4, 1/2 and 1 s (8); gripper from target, gripper from home, its velocity (9); eight points along the lead, the tip the
 //! last, each with its velocity, from the gripper (48). Never over; truncated after 100 steps of 3 frames of 1/60 s.
 
-use nalgebra::{Vector2, Vector3};
-use nerd_core::dynamics::{kinematics, point_position, velocities};
-use nerd_core::state::vector;
+use nalgebra::Vector2;
+use nerd_core::dynamics::velocities;
 use nerd_core::velocity::root_position;
-use nerd_sim::range::Range;
-use nerd_sim::system::System;
+use nerd_sim::prelude::*;
 use rand_chacha::ChaCha8Rng;
 
 use crate::drape::{drape, hinges};

@@ -1,13 +1,7 @@
 //! The trait of tasks: observation, action, reward and end of an episode, in Gymnasium's terms.
 
-use std::sync::Arc;
-
-use nerd_core::contact::ContactEvent;
-use nerd_core::dynamics::Data;
-use nerd_sim::control::Controller;
-use nerd_sim::sampling::{Start, hurry, start};
-use nerd_sim::scene::Scene;
-use nerd_sim::system::System;
+use nerd_sim::prelude::*;
+use nerd_sim::sampling::hurry;
 use rand_chacha::ChaCha8Rng;
 
 /// Times that a fast start is slowed down by half, at most.

@@ -1,14 +1,10 @@
 //! Checkpoints of a training run: `last.safetensors`, from which it continues, and `best.safetensors`, the weights with the smallest
 //! criterion. Each is replaced atomically.
 
-use std::path::{Path, PathBuf};
-
-use nerd_model::transformer::{TransformerConfig, Weights};
 use nerd_sim::files::FileError;
 use sha2::{Digest, Sha256};
 
-use crate::error::{Error, Result};
-use crate::learner::LearnerState;
+use crate::prelude::*;
 use crate::ranks::bytes;
 use crate::tensors::Tensors;
 

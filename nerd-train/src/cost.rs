@@ -1,13 +1,11 @@
 //! The cost of a frame: the shortest of several runs on one core. Every timing in a figure comes from here.
 
-use std::sync::Arc;
 use std::time::Duration;
 
 use nerd_sim::instruments::{Replay, Timed};
-use nerd_sim::prelude::*;
 
-use crate::error::{Error, Result};
 use crate::evaluate::{PassiveConfig, PassiveReport, passive};
+use crate::prelude::*;
 
 /// As many runs as fit into this, at most so many; and [`SOME`] if they fit into [`PATIENCE`].
 const TIME: Duration = Duration::from_millis(300);

@@ -1,21 +1,12 @@
 //! From recorded trajectories to normalised windows.
 
-use std::path::Path;
-use std::sync::Arc;
-
-use nerd_core::contact::ContactEvent;
-use nerd_core::state::vector;
 use nerd_model::features::Features;
 use nerd_model::form::Form;
-use nerd_model::normalizer::{Moments, Normalizer};
-use nerd_sim::dataset::{DatasetError, GenerateConfig, Manifest, Recording, record, sha256_of};
-use nerd_sim::solver::Solver;
-use nerd_sim::system::System;
+use nerd_model::normalizer::Moments;
+use nerd_sim::dataset::{DatasetError, Manifest, Recording, record, sha256_of};
 use rayon::prelude::*;
 
-use crate::error::Result;
-use crate::ranks::{RankError, Ranks};
-use crate::windows::Windows;
+use crate::prelude::*;
 
 /// Tokens and targets of every frame of a recording, not normalised yet; in the form asked for.
 pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form: impl Into<Form>) -> Windows {

@@ -4,12 +4,10 @@
 use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
 use std::io::Write;
-use std::path::{Path, PathBuf};
 
 use nerd_sim::files::{Claim, claim, share};
-use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Result};
+use crate::prelude::*;
 use crate::provenance::{Provenance, machine};
 
 /// A folder that this process alone writes.

@@ -1,10 +1,6 @@
 //! Folders of the project's own files: models, policies, results.
 
-use std::path::{Path, PathBuf};
-
-use nerd_sim::truth::Truth;
-
-use crate::error::{Error, Result};
+use crate::prelude::*;
 
 /// The workspace around the current folder, as a path from there: empty where it is the current folder itself, or where there
 /// is none around.

@@ -4,19 +4,13 @@
 //! shard is replaced before which update follows from the settings alone, so a resumed run sees the same data; where the cores cannot
 //! keep up, the learner waits.
 
-use std::sync::Arc;
 use std::sync::mpsc::{Receiver, sync_channel};
 
 use nerd_model::form::Form;
-use nerd_model::normalizer::Normalizer;
-use nerd_sim::dataset::{DatasetError, GenerateConfig};
-use nerd_sim::solver::Solver;
-use nerd_sim::system::System;
+use nerd_sim::dataset::DatasetError;
 
-use crate::error::{Error, Result};
+use crate::prelude::*;
 use crate::prepare::{normalize, shard};
-use crate::ranks::Ranks;
-use crate::windows::Windows;
 
 /// What to record, and when it is wanted.
 pub struct SupplyConfig {

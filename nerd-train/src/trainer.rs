@@ -5,18 +5,14 @@
 //! The criterion is the hook's value where it gives one, or else the validation loss. Resuming is: load
 //! `last.safetensors`, make a learner of it, run the same [`TrainerConfig`] again.
 
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use nerd_sim::range::within;
-use serde::{Deserialize, Serialize};
 
 use crate::checkpoint::{self, Best};
-use crate::error::{Error, Result};
 use crate::learner::{Learner, Progress};
+use crate::prelude::*;
 use crate::progress::{Bar, bar_from};
-use crate::ranks::{RankError, Ranks};
 use crate::records::Record;
 use crate::schedule::Schedule;
 use crate::supply::Supply;

@@ -1,7 +1,5 @@
 //! `cargo xtask list robots|scenes|tasks|models|rows`: names for the command line.
 
-use std::sync::Arc;
-
 use anyhow::Result;
 use nerd_lab::report::{Table, digits};
 use nerd_model::folder::ModelConfig;

@@ -6,7 +6,6 @@ use anyhow::{Result, anyhow};
 use nerd_lab::choice::Choice;
 use nerd_model::pick::Setting;
 use nerd_sim::prelude::*;
-use nerd_sim::truth::Truth;
 use nerd_train::device::Device;
 use nerd_train::shipped;
 

@@ -2,9 +2,7 @@
 
 use std::sync::Arc;
 
-use nalgebra::{Isometry3, Vector3};
-
-use super::{Robot, Shape};
+use crate::prelude::*;
 
 /// What a URDF's text holds.
 #[derive(Clone, Debug, PartialEq)]

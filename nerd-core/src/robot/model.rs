@@ -4,11 +4,8 @@
 //! `nv = 6 + k`. Coordinates: `q = [p (3), quaternion x y z w (4),] joints`, `qd = [w (3), v (3),] joints`, where
 //! `(w, v)` is the root's spatial twist in world axes about the world origin: `v = p_dot + p x w` ([`crate::velocity`]).
 
-use nalgebra::Isometry3;
-
-use super::{Joint, Mimic, Shape, ShapeKind};
-use crate::contact::{ContactPoint, Locus};
-use crate::spatial::BodyInertia;
+use super::{Mimic, ShapeKind};
+use crate::prelude::*;
 
 /// The root link's base.
 #[derive(Clone, Copy, Debug, PartialEq)]

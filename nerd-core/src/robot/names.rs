@@ -1,8 +1,6 @@
 //! Joints, links and frames by name.
 
-use nalgebra::Isometry3;
-
-use super::{FixedFrame, Joint, Robot};
+use crate::prelude::*;
 
 /// How many names an error lists.
 const LISTED: usize = 10;

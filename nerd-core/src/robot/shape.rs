@@ -1,8 +1,6 @@
 //! Primitive collision shapes and the points that represent them.
 
-use nalgebra::{Isometry3, Vector3};
-
-use crate::contact::ContactPoint;
+use crate::prelude::*;
 
 /// Radius of a corner or an edge (m).
 const SHARP: f64 = 1e-5;

@@ -9,15 +9,13 @@
 
 use std::collections::{HashMap, HashSet};
 
-use nalgebra::Isometry3;
 use urdf_rs::JointType;
 
 use super::lump::{isometry, joint, lump, shapes, sound};
 use super::mimic::follow;
 use super::planar::{TURN, check_names, planar};
 use super::xml::prepared;
-use super::{Base, FixedFrame, Link, Robot, UrdfError, UrdfRobot};
-use crate::spatial::BodyInertia;
+use crate::prelude::*;
 
 impl Robot {
     /// Reads a robot from the text of a URDF, on a base that is fixed (the root link is dropped) or floats (it is link 0). What the text

@@ -3,16 +3,14 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
-use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use anyhow::{Result, bail};
-use nerd_train::progress::bar;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::files::{Files, below, read, whole};
+use crate::prelude::*;
 
 /// Commands, and the files that must come out the same; of a folder, all.
 const JOBS: [(&str, &[&str]); 4] = [

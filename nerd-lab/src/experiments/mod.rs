@@ -13,14 +13,11 @@ pub mod policies;
 pub mod registry;
 pub mod stability;
 
-use std::path::Path;
-
-use anyhow::{Result, bail};
-use serde::Serialize;
 use serde_json::{Map, Value};
 
+use crate::prelude::*;
+use crate::report::Provenance;
 use crate::report::artifact::{Artifact, may_write};
-use crate::report::{Figure, Inputs, Provenance, Table};
 
 pub use registry::{Entry, REGISTRY};
 

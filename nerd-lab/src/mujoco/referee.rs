@@ -1,7 +1,6 @@
 //! MuJoCo as a referee: another engine on the same robot, for those who have one. Nothing needs it, to build or to run:
 //! a Python with MuJoCo is started when asked for, given a model and starts, and asked for states.
 
-use nerd_core::robot::Robot;
 use nerd_sim::mjcf::mjcf;
 
 use super::python::Python;

@@ -1,17 +1,14 @@
 //! The moving picture of README: several replays at once, each in a cell of its own, the truth beside NeRD. The page's painter
 //! draws it, in a browser without a window.
 
-use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use image::codecs::gif::{GifEncoder, Repeat};
 use image::{Delay, Frame, GenericImageView};
 use serde_json::json;
 
-use anyhow::{Result, bail};
-
 use crate::error;
-use crate::report::write;
+use crate::prelude::*;
 use nerd_train::replay::{self, Replay};
 
 const PAGE: &str = include_str!("film.html");

@@ -6,12 +6,10 @@ mod html;
 pub mod motions;
 mod sections;
 
-use std::path::Path;
-
-use anyhow::Result;
 use nerd_train::progress::Bar;
 
-use crate::report::{Manifest, write};
+use crate::prelude::*;
+use crate::report::Manifest;
 use motions::Cause;
 use nerd_train::replay::{self, Replay};
 

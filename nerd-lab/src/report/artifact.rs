@@ -1,14 +1,11 @@
 //! One result as a folder: where it comes from, what it was measured on, its tables and its figures.
 
-use std::path::{Path, PathBuf};
-
-use anyhow::{Result, bail};
 use nerd_train::shipped::results;
 use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use super::{Inputs, Provenance, Table, read_json, write, write_json};
+use super::{Provenance, read_json, write_json};
+use crate::prelude::*;
 
 /// A result. In JSON its data are beside the other fields.
 #[derive(Clone, Debug, Serialize, Deserialize)]

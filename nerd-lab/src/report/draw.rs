@@ -1,15 +1,12 @@
 //! Draws a [`Figure`] as SVG: a title, the panels in a grid, and one legend for all of them below.
 
 use std::ops::Range;
-use std::path::Path;
 
-use anyhow::{Result, bail};
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
 
-use super::figure::{Figure, Panel, Style};
-use super::write;
+use crate::prelude::*;
 
 /// Heights of the title and of a line of the legend (px).
 const TITLE: u32 = 34;

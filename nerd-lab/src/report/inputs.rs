@@ -3,17 +3,9 @@
 //! Robots, models, policies and data sets are identified by SHA-256, solvers by the final state of a short rollout: a renamed file changes
 //! nothing, a changed step does.
 
-use std::path::{Path, PathBuf};
-
 use crate::choice::Choice;
-use nerd_model::folder::ModelConfig;
-use nerd_model::pick::Setting;
-use nerd_sim::prelude::*;
-use nerd_sim::sampling::Start;
+use crate::prelude::*;
 use nerd_train::shipped::{from_root, root};
-use serde::{Deserialize, Serialize};
-
-use anyhow::Result;
 
 use crate::error;
 use crate::roll::{begun, rolled};

@@ -1,11 +1,7 @@
 //! `results/manifest.toml`: every result with the command that makes it, and whether it still holds.
 
-use std::path::Path;
-
-use anyhow::{Result, bail};
-use serde::{Deserialize, Serialize};
-
 use super::artifact::{Artifact, file};
+use crate::prelude::*;
 
 use crate::error;
 

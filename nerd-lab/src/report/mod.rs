@@ -9,14 +9,11 @@ pub mod marks;
 mod table;
 
 use std::io;
-use std::path::{Path, PathBuf};
 
-use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use anyhow::Result;
-
 use crate::error;
+use crate::prelude::*;
 
 pub use artifact::Artifact;
 pub use figure::{Axis, Figure, Mark, Panel, Series, Style, unbeaten};

@@ -1,8 +1,6 @@
 //! Files that may be robots.
 
-use std::path::{Path, PathBuf};
-
-use nerd_sim::system::SystemError;
+use crate::prelude::*;
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Found {

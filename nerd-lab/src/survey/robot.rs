@@ -2,8 +2,6 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use nerd_core::robot::UrdfError;
-
 use super::file::{Found, reason, text};
 use crate::prelude::*;
 use crate::roll::rolled;

@@ -1,9 +1,6 @@
 //! Whether a robot stands, hangs or falls, in a line: a while of simulation from its default pose, which an SRDF beside it may name, each
 //! joint held by a drive ([`nerd_sim::drive::holding`]), and the same without.
 
-use nerd_core::dynamics::{Data, kinematics};
-use nerd_core::robot::JointKind;
-use nerd_core::state::{quaternion, vector, wrap};
 use nerd_sim::drive::holding;
 use nerd_sim::scene::foot;
 

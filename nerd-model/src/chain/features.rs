@@ -10,10 +10,8 @@
 //!
 //! All in world axes, with r the rods' radius and d measured from their surface. A token does not hold the chain's position.
 
-use nalgebra::Vector3;
-use nerd_core::contact::ContactEvent;
-
 use super::{Chain, Gripper, Rods};
+use crate::prelude::*;
 
 /// Numbers of a token.
 pub const INPUTS: usize = 30;

@@ -1,8 +1,6 @@
 //! Which robots are chains, and a chain's constants.
 
-use nalgebra::Vector3;
-use nerd_core::robot::{Base, Joint, JointKind, Robot};
-use nerd_sim::system::System;
+use crate::prelude::*;
 
 /// Axes of the gripper: three slides x, y, z, then yaw, pitch, roll.
 const AXES: usize = 6;

@@ -8,16 +8,14 @@ mod residual;
 mod whole;
 
 use std::fmt::Write;
-use std::sync::Arc;
 
 use nerd_sim::articulated::device::{Reach, Real, functions};
-use nerd_sim::articulated::{ArticulatedConfig, Friction};
-use nerd_sim::system::System;
 
 use crate::base::Base;
 use crate::features::{Features, NEAR, waves};
 use crate::form::{Form, View};
 use crate::normalizer::Normalizer;
+use crate::prelude::*;
 use crate::program::Program;
 
 pub use crate::program::op::padded;

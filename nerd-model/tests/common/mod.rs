@@ -3,8 +3,6 @@
 // Each test file is a crate of its own and uses a part of this.
 #![allow(dead_code)]
 
-use std::sync::Arc;
-
 use nerd_model::base::Base;
 use nerd_model::features::Features;
 use nerd_model::folder::{Model, ModelConfig};

@@ -1,17 +1,13 @@
 //! The start, scene and drive of a random trajectory.
 
-use std::sync::Arc;
-
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::config::GenerateConfig;
 use super::drive::{Act, Drive, Smooth};
 use super::shard::DatasetError;
-use crate::batch::Batch;
-use crate::sampling::{Start, scene, start, stream};
-use crate::scene::Scene;
-use crate::system::System;
+use crate::prelude::*;
+use crate::sampling::scene;
 use crate::vary;
 
 /// Random trajectories about to begin.

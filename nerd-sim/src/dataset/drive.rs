@@ -2,14 +2,12 @@
 //! along smooth curves, or a policy.
 
 use std::fmt::Debug;
-use std::sync::Arc;
 
 use rand::{Rng, RngExt};
 use rand_chacha::ChaCha8Rng;
 
-use crate::control::Controller;
-use crate::scene::Scene;
-use crate::system::{RandomGains, System};
+use crate::prelude::*;
+use crate::system::RandomGains;
 
 /// Random torques of a system, as in its training data.
 pub struct Drive {

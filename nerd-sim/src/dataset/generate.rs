@@ -2,18 +2,13 @@
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
-use std::sync::Arc;
-
-use nerd_core::dynamics::Data;
 
 use super::begin::Begun;
 use super::config::{GenerateConfig, Part};
 use super::manifest::{Manifest, header};
 use super::shard::{DatasetError, FORMAT, Recording, read_shard, sha256_of, write_shard};
 use crate::files::FileError;
-use crate::scene::contacts;
-use crate::solver::Solver;
-use crate::system::System;
+use crate::prelude::*;
 
 /// Records trajectories `first .. first + count` of the seed with `solver`, which is the truth of this data.
 pub fn record(

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
@@ -10,8 +9,7 @@ use super::begin::begin;
 use super::config::GenerateConfig;
 use super::shard::{DatasetError, Recording, check_format, read_shard, sha256_of};
 use crate::files::{FileError, read_text};
-use crate::scene::Scene;
-use crate::system::System;
+use crate::prelude::*;
 
 /// `manifest.json` of a folder of shards.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -1,18 +1,12 @@
 //! What cannot be right: rates that are not those of the poses, free fall that is not gravity.
 
 use std::path::Path;
-use std::sync::Arc;
-
-use nalgebra::{UnitQuaternion, Vector3};
-use nerd_core::dynamics::{Data, totals};
-use nerd_core::state::quaternion;
 
 use super::data::{Log, LogError, bad};
 use super::read::{Moment, Raw};
 use super::spec::{Axes, LogSpec, Order};
 use super::tidy::rate;
-use crate::scene::{Scene, contacts};
-use crate::system::System;
+use crate::prelude::*;
 
 /// Rates that are off by more than this share are not those of the poses.
 const OFF: f64 = 0.5;

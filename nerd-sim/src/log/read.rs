@@ -2,16 +2,11 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::Arc;
-
-use nalgebra::Vector3;
-use nerd_core::robot::JointKind;
-use nerd_core::state::write_quaternion;
 
 use super::data::{LogError, bad};
 use super::spec::{Axes, LogSpec, RootColumns, Units};
 use crate::files::FileError;
-use crate::system::System;
+use crate::prelude::*;
 use crate::table::{Row, Table, twice};
 
 /// Largest number that is taken for a measurement, in SI units; of times since some epoch, too.

@@ -1,12 +1,10 @@
 //! From rows to frames: copies left out, cut at gaps, missing velocities from differences, other rates resampled.
 
 use nerd_core::dynamics::to_world;
-use nerd_core::robot::Robot;
-use nerd_core::state::{quaternion, vector, wrap, write_quaternion};
 
 use super::data::Trajectory;
 use super::read::{Moment, Raw};
-use crate::system::System;
+use crate::prelude::*;
 
 /// A step that is this many times the usual one is a gap.
 const GAP: f64 = 1.5;

@@ -1,13 +1,11 @@
 //! Static bodies as parry shapes, the same for every solver, the learned one included. A plane is solved in closed form, never as a mesh.
 
-use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
-use nerd_core::contact::{ContactEvent, ContactPoint};
-use nerd_core::dynamics::{Data, point_position};
-use nerd_core::robot::{Shape, ShapeKind};
+use nalgebra::Quaternion;
+use nerd_core::robot::ShapeKind;
 use parry3d_f64::math::{Pose, Rotation, Vector as ParryVector};
 use parry3d_f64::shape::SharedShape;
 
-use super::spec::Material;
+use crate::prelude::*;
 
 /// Queries at most that find the deepest place of a disc or hull against what is not flat.
 const SEARCHES: usize = 4;

@@ -4,10 +4,7 @@ mod collider;
 mod spec;
 mod worlds;
 
-use nalgebra::Vector3;
-use nerd_core::contact::{ContactEvent, ContactPoint};
-use nerd_core::dynamics::{Data, kinematics, point_position};
-use nerd_core::robot::Robot;
+use crate::prelude::*;
 
 pub use collider::{Collider, Plane};
 #[cfg(feature = "rapier")]

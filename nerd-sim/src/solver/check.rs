@@ -1,13 +1,9 @@
 //! The beginning and end of a frame in every solver: inputs checked, new states taken over.
 
-use std::sync::Arc;
-
 use nerd_core::state::wrap_state;
 
-use super::refusal::{Capabilities, Fault, StepError};
-use crate::batch::Batch;
-use crate::scene::Scene;
-use crate::system::System;
+use super::refusal::Fault;
+use crate::prelude::*;
 
 /// Refuses a batch or torques of other lengths than the system needs, and what takes more than [`Capabilities::default`]; finds
 /// environments whose state or torque is not a number, or whose scene is none.

@@ -1,17 +1,13 @@
 //! The batch loop of the analytic solvers. Environments are independent and each is stepped by one thread, so results do not depend on the
 //! number of threads.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
-use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::check::{finish, sound};
-use super::refusal::{Capabilities, Fault, StepError};
-use crate::batch::Batch;
-use crate::drive::Drive;
-use crate::scene::Scene;
-use crate::system::System;
+use super::refusal::Fault;
+use crate::prelude::*;
 
 /// Working memory that advances one environment at a time by one frame; nothing in it outlives a frame.
 pub(crate) trait Frame: Send + Sized {

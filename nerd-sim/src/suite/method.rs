@@ -1,9 +1,6 @@
 //! The columns: solvers and their settings.
 
-use std::sync::Arc;
-
-use crate::solver::Solver;
-use crate::system::System;
+use crate::prelude::*;
 
 type Make = Arc<dyn Fn(&Arc<System>) -> Box<dyn Solver> + Send + Sync>;
 

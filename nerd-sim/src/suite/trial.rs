@@ -1,16 +1,9 @@
 //! One motion under one method.
 
 use std::cell::RefCell;
-use std::sync::Arc;
-
-use nerd_core::dynamics::{Data, Totals, totals};
-use nerd_core::state::wrap;
 
 use super::method::Method;
-use crate::batch::Batch;
-use crate::scene::{Scene, contacts};
-use crate::solver::{Solver, StepError};
-use crate::system::{System, SystemError};
+use crate::prelude::*;
 
 /// Why the suite, or a row of it, could not be run.
 #[derive(Debug, thiserror::Error)]

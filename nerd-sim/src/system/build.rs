@@ -2,17 +2,15 @@
 
 use std::collections::{HashMap, HashSet};
 
-use nalgebra::{UnitVector3, Vector3};
-use nerd_core::contact::ContactPoint;
-use nerd_core::robot::{Joint, Robot, UrdfRobot};
+use nalgebra::UnitVector3;
 
 use super::derive::stiffen;
 use super::folds::Folds;
-use super::model::{Source, System, SystemError};
+use super::model::Source;
 use super::spec::{ContactSpec, Spec};
-use super::start::{DRAWS, Start, clear_start};
+use super::start::{DRAWS, clear_start};
 use super::validate::{RESERVED, check};
-use crate::random::stream;
+use crate::prelude::*;
 
 impl System {
     /// From a robot and an unchecked specification.

@@ -5,12 +5,10 @@
 
 use std::ops::Range;
 
-use nalgebra::Vector3;
-use nerd_core::contact::{ContactPoint, Locus};
-use nerd_core::dynamics::{Data, kinematics};
-use nerd_core::robot::{Hull, Robot};
+use nerd_core::robot::Hull;
 
 use super::capsules::{Capsule, rounded};
+use crate::prelude::*;
 
 /// What is nearer than this in the default pose touches there (m).
 const TOUCHING: f64 = 1e-3;

@@ -1,17 +1,14 @@
 //! A system: a robot model together with its specification, built in or from files.
 
-use std::sync::Arc;
-
-use nalgebra::Vector3;
-use nerd_core::dynamics::Data;
-use nerd_core::robot::{Base, Link, MeshFile, Robot, Shape, UrdfError};
+use nerd_core::robot::MeshFile;
 use toml::Table;
 
 use super::built_in::{BUILT_IN, CABLES, FOREIGN};
 use super::folds::Folds;
 use super::spec::{JointSpec, Spec};
 use crate::files::FileError;
-use crate::scene::{Collider, Scene, WORLDS, contacts, described, world};
+use crate::prelude::*;
+use crate::scene::{WORLDS, described, world};
 
 /// Why a system could not be made.
 #[derive(Debug, thiserror::Error)]

@@ -1,15 +1,12 @@
 //! Starts, drawn from the boxes of a specification.
 
-use nalgebra::{Unit, UnitQuaternion, Vector3};
-use nerd_core::dynamics::Data;
-use nerd_core::state::{quaternion, wrap_state, write_quaternion};
+use nalgebra::Unit;
+use nerd_core::state::wrap_state;
 use rand::Rng;
 
-use super::model::System;
 use super::spec::{RootSpec, RootStart};
+use crate::prelude::*;
 use crate::random::direction;
-use crate::range::Range;
-use crate::scene::contacts;
 
 /// Which of a system's two boxes a start is drawn from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

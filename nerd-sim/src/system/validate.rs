@@ -4,11 +4,9 @@
 
 use std::collections::HashSet;
 
-use nalgebra::Vector3;
-use nerd_core::robot::{JointKind, Robot};
-
 use super::spec::{ControlSpec, JointSpec, RootSpec, RootStart, Spec};
-use crate::range::{Range, law, within};
+use crate::prelude::*;
+use crate::range::{law, within};
 use crate::scene::WORLDS;
 
 /// Most substeps of a frame: a robot of ten joints takes a tenth of a second over them.

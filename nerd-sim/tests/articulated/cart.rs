@@ -1,8 +1,5 @@
 //! A cart on four wheels keeps its speed and its height. Of one wheel, a coin, a can and a ball the stability suite asks.
 
-use std::sync::Arc;
-
-use nerd_core::state::vector;
 use nerd_sim::prelude::*;
 use nerd_sim::suite::bodies::{Body, UPRIGHT};
 

@@ -1,8 +1,5 @@
 //! A limp robot that falls gains no energy, however light its fingers are beside its body.
 
-use std::sync::Arc;
-
-use nerd_sim::nerd_core::dynamics::{Data, totals};
 use nerd_sim::prelude::*;
 
 use crate::common::*;

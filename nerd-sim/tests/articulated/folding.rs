@@ -1,8 +1,5 @@
 //! Links of a robot on each other: rest where geometry and gravity say, momentum to rounding, no energy from nothing.
 
-use std::sync::Arc;
-
-use nerd_core::dynamics::{Data, totals};
 use nerd_sim::prelude::*;
 
 use super::common::*;

@@ -1,6 +1,5 @@
 //! Forces at contact points, what has none, and places by name.
 
-use nerd_core::state::vector;
 use nerd_sim::instruments::glide;
 use nerd_sim::prelude::*;
 

@@ -1,9 +1,6 @@
 //! What acts at a joint, against closed forms: a damper far too stiff for the substep dies away as `exp(-d t / I)`, or at
 //! least without overshoot; a limit far too stiff holds; limits and position laws are right beyond a turn.
 
-use std::sync::Arc;
-
-use nerd_core::dynamics::{Data, totals};
 use nerd_sim::prelude::*;
 
 use super::common::*;

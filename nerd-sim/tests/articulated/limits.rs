@@ -1,7 +1,5 @@
 //! Limits of a URDF act, whether or not a TOML says how stiff they are.
 
-use std::sync::Arc;
-
 use nerd_sim::prelude::*;
 
 use super::common::*;

@@ -1,11 +1,6 @@
 //! A robot of which no material is said stands: its feet stick as Coulomb's law has it. Regularised, they creep by the
 //! force on a foot over the material's tangential damping, 1 mm in 5 s for 30 N.
 
-use std::sync::Arc;
-
-use nalgebra::Vector3;
-use nerd_core::dynamics::{Data, kinematics, point_position};
-use nerd_core::state::{vector, write_quaternion};
 use nerd_sim::prelude::*;
 
 use super::common::*;

@@ -1,10 +1,7 @@
 //! Every collider that a point touches acts on it, surfaces inside others do not, and cylinders are cylinders.
 
 use std::f64::consts::FRAC_PI_2;
-use std::sync::Arc;
 
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
-use nerd_core::state::{quaternion, vector};
 use nerd_sim::prelude::*;
 use nerd_sim::suite::bodies::{Body, UPRIGHT};
 use parry3d_f64::shape::SharedShape;

@@ -1,9 +1,7 @@
 //! Worlds: nearest of many colliders, inside and outside, against closed forms.
 
-use nalgebra::Vector3;
-use nerd_core::dynamics::Data;
 use nerd_sim::prelude::*;
-use nerd_sim::scene::{WORLDS, contacts, hill};
+use nerd_sim::scene::{WORLDS, hill};
 
 use super::common::*;
 

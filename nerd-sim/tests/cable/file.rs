@@ -1,6 +1,3 @@
-use std::sync::Arc;
-
-use nalgebra::Vector3;
 use nerd_sim::dataset::{GenerateConfig, begin, record};
 use nerd_sim::prelude::*;
 

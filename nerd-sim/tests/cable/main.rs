@@ -6,10 +6,6 @@ mod common;
 mod file;
 mod twist;
 
-use std::sync::Arc;
-
-use nalgebra::Vector3;
-use nerd_core::dynamics::{Data, kinematics, point_position};
 use nerd_sim::prelude::*;
 
 /// A metre of 80 g and 8 mm, with more keys; `[cable]` is of the form that its file has.

@@ -1,7 +1,6 @@
 //! A cable that twists, against what theory says of shafts.
 
 use std::f64::consts::PI;
-use std::sync::Arc;
 
 use nerd_sim::prelude::*;
 

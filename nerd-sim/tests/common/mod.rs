@@ -1,8 +1,6 @@
 //! Systems, batches and motions shared by the tests.
 #![allow(dead_code)]
 
-use std::sync::Arc;
-
 use nerd_sim::prelude::*;
 
 /// A robot that is built in.

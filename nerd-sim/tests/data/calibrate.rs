@@ -1,7 +1,5 @@
 //! Calibration finds what made the measurements, and says what they do not determine.
 
-use std::sync::Arc;
-
 use crate::common::{built_in, line};
 use crate::tossed::{cube, folder, header, text, tosses};
 use nerd_sim::calibrate::*;

@@ -5,7 +5,6 @@ use std::path::Path;
 
 use nerd_sim::dataset::{GenerateConfig, Manifest, Part, generate, generate_part, read_shard, record};
 use nerd_sim::prelude::*;
-use nerd_sim::range::Range;
 
 use crate::common::{built_in, changed, line};
 

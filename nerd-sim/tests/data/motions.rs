@@ -1,12 +1,7 @@
 //! Random data of robots whose torques run along smooth curves, among pegs that are laid out anew.
 
-use std::sync::Arc;
-
-use nerd_core::dynamics::Data;
 use nerd_sim::dataset::{Act, GenerateConfig, Smooth, begin, record};
 use nerd_sim::prelude::*;
-use nerd_sim::sampling::{Start, start, stream};
-use nerd_sim::scene::contacts;
 
 /// A lead of few rods above four pegs.
 fn lead() -> Arc<System> {

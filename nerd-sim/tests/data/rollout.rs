@@ -1,7 +1,6 @@
 //! The tables of rollouts: every fault is refused with the file, the line and the column, every order of columns is read.
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use nerd_sim::prelude::*;
 use nerd_sim::rollout::{RolloutError, States};

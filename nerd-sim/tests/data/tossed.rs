@@ -2,13 +2,10 @@
 #![allow(dead_code)]
 
 use std::ops::Range;
-use std::sync::Arc;
 
-use nalgebra::{UnitQuaternion, Vector3};
 use nerd_core::dynamics::to_local;
-use nerd_core::state::{quaternion, vector};
 use nerd_sim::prelude::*;
-use nerd_sim::sampling::{normal, stream};
+use nerd_sim::sampling::normal;
 use nerd_sim::suite::bodies::Body;
 
 use crate::common::{at, implicit, motion};

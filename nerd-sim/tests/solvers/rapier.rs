@@ -1,12 +1,8 @@
 //! What rapier must do behind the solver interface. Each test guards a fault that rapier has when used plainly: a floating root that
 //! drifts with its centre of mass off the origin, state that is not in (q, qd), contact seen too late, default damping, hard limits in
 //! place of the model's.
-use std::sync::Arc;
 
-use nalgebra::UnitQuaternion;
-use nerd_core::dynamics::Data;
 use nerd_sim::prelude::*;
-use nerd_sim::scene::contacts;
 
 use super::common::*;
 

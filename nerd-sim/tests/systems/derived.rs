@@ -1,12 +1,7 @@
 //! What a URDF alone suggests: which bases are free, contact that scales with the robot, starts within its limits and clear of the ground, and
 //! a TOML that says a part.
 
-use std::sync::Arc;
-
-use nerd_core::dynamics::{Data, kinematics, point_position};
 use nerd_sim::prelude::*;
-use nerd_sim::sampling::{Start, start, stream};
-use nerd_sim::scene::contacts;
 
 use super::common::*;
 

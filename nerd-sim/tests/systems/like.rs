@@ -2,7 +2,6 @@
 
 use nerd_sim::prelude::*;
 use nerd_sim::system::Spec;
-use nerd_sim::truth::Truth;
 use serde_json::Value;
 
 use super::common::built_in;

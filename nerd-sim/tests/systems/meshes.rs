@@ -3,10 +3,8 @@
 use std::f64::consts::TAU;
 use std::path::Path;
 
-use nerd_core::contact::Locus;
-use nerd_core::dynamics::{Data, kinematics, point_position};
 use nerd_sim::prelude::*;
-use nerd_sim::sampling::{normal, stream};
+use nerd_sim::sampling::normal;
 use nerd_sim::scene::foot;
 use rand::RngExt;
 

@@ -1,13 +1,7 @@
 //! The built-in robots: figures of the reference system, controllers and sampling boxes.
 
-use nalgebra::Vector3;
-use nerd_core::dynamics::Data;
-use nerd_core::state::{quaternion, vector};
 use nerd_sim::dataset::{GenerateConfig, record};
 use nerd_sim::prelude::*;
-use nerd_sim::range::Range;
-use nerd_sim::sampling::{Start, start, stream};
-use nerd_sim::scene::contacts;
 
 use super::common::*;
 

@@ -1,7 +1,6 @@
 //! The lead whose tip follows a target: its start is at rest, the target goes on as it should, actions are speeds.
 
 use nerd_sim::prelude::*;
-use nerd_sim::sampling::stream;
 use nerd_tasks::{Episodes, LeadTip, Task, View, Work};
 
 use crate::episodes;

@@ -1,15 +1,10 @@
 //! Models and solvers whose frames are on a graphics card.
 
-use std::sync::Arc;
-
-use nerd_model::folder::Model;
 use nerd_model::pick::Setting;
-use nerd_model::transformer::Architecture;
 use nerd_sim::articulated::device::{CudaArticulated, Real, Resident, Roll};
-use nerd_sim::prelude::*;
 
-use crate::error::{Error, Result};
 use crate::learner::cuda::{self, Precision};
+use crate::prelude::*;
 
 /// A solver at one setting whose batch stays on a GPU.
 pub fn resident(setting: &Setting, system: &Arc<System>, real: Real, precision: Precision) -> Result<Box<dyn Roll>> {

@@ -3,21 +3,15 @@
 #[cfg(feature = "cuda")]
 mod card;
 
-use std::path::Path;
-use std::sync::Arc;
-
 #[cfg(feature = "cuda")]
 pub use card::resident;
-use nerd_model::folder::Model;
 use nerd_model::neural::Neural;
 use nerd_model::pick::learned;
-use nerd_model::transformer::{Architecture, Stream, Weights};
-use nerd_sim::prelude::*;
-use serde::{Deserialize, Serialize};
+use nerd_model::transformer::Stream;
 
-use crate::error::{Result, refuse};
 #[cfg(feature = "cuda")]
 use crate::learner::cuda::Precision;
+use crate::prelude::*;
 
 /// Where networks are computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -1,13 +1,8 @@
 //! Distances between states, and the constant-velocity predictor.
 
-use std::sync::Arc;
-
-use nalgebra::UnitQuaternion;
 use nerd_core::dynamics::to_local;
-use nerd_core::robot::{Joint, JointKind};
-use nerd_core::state::{quaternion, vector, wrap};
-use nerd_sim::system::System;
 
+use crate::prelude::*;
 use crate::stats::mean;
 
 /// What is compared: a floating root's position (m, Euclidean distance) and orientation (rad, angle between), then the joints.

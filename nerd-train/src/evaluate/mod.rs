@@ -5,13 +5,9 @@
 //! Each figure has a baseline without dynamics: `hold` repeats the start. A rollout that diverges is counted and stays in every mean.
 
 use std::fmt;
-use std::sync::Arc;
 
 use nerd_sim::dataset::{Act, Drive, Smooth};
-use nerd_sim::prelude::*;
 use nerd_sim::range::within;
-use nerd_sim::sampling::{Start, start, stream};
-use serde::{Deserialize, Serialize};
 
 mod gaps;
 mod tally;
@@ -19,6 +15,8 @@ mod tally;
 pub use gaps::{quantities, summary, summary_names};
 pub use tally::PassiveReport;
 use tally::Tally;
+
+use crate::prelude::*;
 
 /// Frames of the paper's passive-motion protocol.
 pub fn horizon(robot: &str) -> usize {

@@ -1,11 +1,7 @@
 //! Sums over a rollout, for its report.
 
-use std::sync::Arc;
-
-use nerd_sim::system::System;
-use serde::{Deserialize, Serialize};
-
 use super::gaps::{Gaps, quantities};
+use crate::prelude::*;
 
 /// A coordinate beyond this (rad or m) is of a rollout that is gone.
 const GONE: f64 = 1e5;

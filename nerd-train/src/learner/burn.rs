@@ -1,15 +1,12 @@
 //! Shards through burn's autodiff, on any device of burn; for every architecture.
 
-use std::sync::Arc;
-
 use burn::tensor::Tensor;
 use nerd_model::BurnDevice;
 use nerd_model::program::BurnNetwork;
-use nerd_model::transformer::Weights;
 
+use super::LearnerConfig;
 use super::sharded::{Pass, Shard, Sharded};
-use super::{LearnError, LearnerConfig, LearnerState};
-use crate::windows::Windows;
+use crate::prelude::*;
 
 /// Trains on a device of burn; a card wants the whole batch in one shard ([`Sharded::shards`]).
 pub type BurnLearner = Sharded<Burn>;

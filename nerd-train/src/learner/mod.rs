@@ -18,12 +18,10 @@ pub use cpu::CpuLearner;
 #[cfg(feature = "cuda")]
 pub mod cuda;
 
-use nerd_model::transformer::Weights;
 use nerd_sim::range::within;
 
 use crate::error::part;
-use crate::ranks::RankError;
-use crate::windows::Windows;
+use crate::prelude::*;
 
 /// What an update needs beside the learning rate.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]

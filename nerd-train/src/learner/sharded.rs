@@ -5,16 +5,14 @@
 //! shard's activations stay in the cache. Their gradients are added in shard order, so the result does not depend on the number of
 //! threads.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use nerd_model::transformer::Weights;
 use rayon::prelude::*;
 
 use super::optimiser::{self, Optimiser};
-use super::{LearnError, Learner, LearnerConfig, LearnerState, Progress, validation_rows};
-use crate::ranks::Ranks;
-use crate::windows::{Windows, draw};
+use super::{Learner, LearnerConfig, Progress, validation_rows};
+use crate::prelude::*;
+use crate::windows::draw;
 
 /// Windows in a shard.
 const SHARD: usize = 32;

@@ -3,8 +3,6 @@
 mod page;
 mod solids;
 
-use nerd_sim::solver::StepError;
-use nerd_tasks::Episodes;
 pub use page::{Replay, Track};
 // For pages that hold several.
 #[doc(hidden)]
@@ -12,6 +10,7 @@ pub use page::{SCRIPT, escape, script};
 pub use solids::Solid;
 
 use crate::ppo::{Actor, Policy, Running};
+use crate::prelude::*;
 
 /// The first episode of the first environment, which should have just begun, to be looked at: poses, goals and rewards so far by
 /// step; and its whole reward. [`Replay::html`] is the page.

@@ -3,13 +3,11 @@
 //! loads nothing.
 
 use nalgebra::Point3;
-use nerd_core::contact::ContactPoint;
-use nerd_core::dynamics::{Data, kinematics, link_pose};
-use nerd_sim::prelude::*;
+use nerd_core::dynamics::link_pose;
 use nerd_sim::system::Source;
-use serde::Serialize;
 
 use super::solids::{Solid, isometry, numbers, rounded, solids, standing};
+use crate::prelude::*;
 
 /// The renderer: a function `replay(element, data)`.
 pub const SCRIPT: &str = include_str!("replay.js");

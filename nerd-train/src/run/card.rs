@@ -1,14 +1,10 @@
 //! A run's identity, and the card of its model.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
-use nerd_model::base::Base;
-use nerd_model::folder::{Model, ModelConfig};
+use nerd_model::folder::ModelConfig;
 use nerd_model::form::View;
-use nerd_model::normalizer::Normalizer;
-use nerd_model::transformer::{Architecture, Storage, TransformerConfig, Weights};
-use serde::{Deserialize, Serialize};
+use nerd_model::transformer::Storage;
 
 use super::plan::Plan;
 use super::recording::RecordConfig;
@@ -16,9 +12,9 @@ use super::settings::RunConfig;
 use super::variant::Variant;
 use crate::checkpoint;
 use crate::difference::between;
-use crate::error::{Error, Result, refuse};
 use crate::evaluate::{Action, PassiveConfig, horizon};
-use crate::learner::{LearnerConfig, LearnerState};
+use crate::learner::LearnerConfig;
+use crate::prelude::*;
 use crate::records::rows;
 use crate::trainer::TrainerConfig;
 use crate::verdict::{Verdict, verdict};

@@ -1,14 +1,12 @@
 //! The criterion that selects a run's weights.
 
-use nerd_model::folder::Model;
 use nerd_model::neural::Neural;
-use nerd_model::transformer::Weights;
 
 use super::card::{Identity, model_config};
 use super::data::Judge;
 use super::plan::Plan;
-use crate::error::Result;
 use crate::evaluate::{Action, PassiveConfig, horizon, passive};
+use crate::prelude::*;
 use crate::unroll::chain::distance;
 
 /// Counted where a rollout is gone (rad or m): such weights rank behind all others.

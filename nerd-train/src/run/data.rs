@@ -1,22 +1,17 @@
 //! Training and validation data of a run: windows of tokens, or motions of a chain or a robot.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
-use nerd_model::base::Base;
 use nerd_model::chain::ChainSolver;
-use nerd_model::normalizer::Normalizer;
 use nerd_model::trapezoid;
-use nerd_sim::dataset::GenerateConfig;
 
 use super::plan::Plan;
 use super::variant::Variant;
-use crate::error::{Error, Result, refuse};
+use crate::prelude::*;
 use crate::prepare::{moments, normalize, read};
-use crate::ranks::Ranks;
 use crate::unroll::chain::{Cable, Loss, scales};
 use crate::unroll::robot::Robot;
 use crate::unroll::{Course, Motions};
-use crate::windows::Windows;
 
 /// Transitions that are validated on, and the paper's distance of their seed from the training data's.
 const VALIDATION: (usize, u64) = (200_000, 10);

@@ -1,18 +1,15 @@
 //! The learner of a network, by device.
 
-use std::sync::Arc;
-
 use super::data::Sets;
 use super::memory;
 use super::plan::Plan;
 use crate::device::Device;
-use crate::error::{Result, refuse};
 #[cfg(feature = "burn")]
 use crate::learner::BurnLearner;
 #[cfg(feature = "cuda")]
 use crate::learner::cuda::{CudaLearner, Precision};
-use crate::learner::{CpuLearner, Learner, LearnerState};
-use crate::ranks::Ranks;
+use crate::learner::{CpuLearner, Learner};
+use crate::prelude::*;
 #[cfg(feature = "cuda")]
 use crate::unroll::CudaUnrollLearner;
 use crate::unroll::{Course, OnCard, UnrollLearner};

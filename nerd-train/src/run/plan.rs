@@ -1,17 +1,10 @@
 //! The plan from settings: base, network, learner, trainer, data to record. Everything that can be refused is refused here, before
 //! anything is recorded or written.
 
-use std::path::Path;
-use std::sync::Arc;
-
-use nerd_model::base::Base;
 use nerd_model::chain::{self, Chain};
 use nerd_model::features::Features;
-use nerd_model::folder::Model;
 use nerd_model::form::{Form, View};
-use nerd_model::transformer::{Architecture, Positions, TransformerConfig};
-use nerd_sim::dataset::GenerateConfig;
-use nerd_sim::prelude::*;
+use nerd_model::transformer::Positions;
 use serde_json::json;
 
 use super::memory;
@@ -19,8 +12,8 @@ use super::settings::RunConfig;
 use super::variant::Variant;
 use crate::device::Device;
 use crate::difference::between;
-use crate::error::{Error, Result, refuse};
 use crate::learner::LearnerConfig;
+use crate::prelude::*;
 use crate::progress;
 use crate::schedule::Schedule;
 use crate::shipped;

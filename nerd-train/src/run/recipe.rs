@@ -15,17 +15,11 @@
 //! A recipe of several runs keeps them in `OUT/1`, `OUT/2` and so on; the last one's model is the result. Shipped recipes are in
 //! `nerd-train/assets/runs`.
 
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
-
-use nerd_model::folder::Model;
-use nerd_sim::prelude::*;
 use serde_json::Value;
 
 use super::settings::RunConfig;
 use super::train::Run;
-use crate::error::{Error, Result, refuse};
-use crate::ranks::Ranks;
+use crate::prelude::*;
 use crate::settings::{Given, Settings};
 
 macro_rules! shipped {

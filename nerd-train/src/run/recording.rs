@@ -1,21 +1,14 @@
 //! Recording of a robot's motion: by `dataset` into a folder, by `train` in memory.
 
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
-
 use nerd_model::form::Form;
-use nerd_sim::dataset::{GenerateConfig, Manifest, Part, Pilot};
-use nerd_sim::prelude::*;
-use nerd_sim::range::Range;
-use nerd_sim::truth::Truth;
+use nerd_sim::dataset::{Manifest, Part, Pilot};
 
 use crate::bounds::{self, FRAMES, SEEDS};
 use crate::device::{Device, truth_on_card};
-use crate::error::{Result, refuse};
 use crate::ppo::Policies;
+use crate::prelude::*;
 use crate::prepare::{Prepared, generate};
 use crate::progress::bar;
-use crate::ranks::Ranks;
 use crate::records::{claimed, shared};
 use crate::settings::settings;
 use crate::shipped;

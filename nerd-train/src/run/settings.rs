@@ -1,8 +1,5 @@
 //! One run's settings. The defaults are the paper's network and training at a tenth of its updates.
 
-use std::path::PathBuf;
-
-use nerd_model::base::Base;
 use nerd_model::form::View;
 
 use super::recording::RecordConfig;
@@ -10,6 +7,7 @@ use super::variant::Variant;
 use crate::bounds::{BATCH, EMBEDDING, LAYERS, STARTS, TRANSITIONS, UPDATES};
 use crate::device::Device;
 use crate::learner::Optimizer;
+use crate::prelude::*;
 use crate::settings::settings;
 
 settings! {

@@ -1,11 +1,6 @@
 //! One run: its data, its updates and its model.
 
-use std::path::PathBuf;
-use std::sync::Arc;
 use std::time::{Duration, Instant};
-
-use nerd_model::normalizer::Normalizer;
-use nerd_model::transformer::Weights;
 
 use super::agree;
 use super::card::{Identity, export, resume};
@@ -17,9 +12,8 @@ use super::settings::RunConfig;
 use crate::checkpoint::{self, Best};
 #[cfg(feature = "cuda")]
 use crate::device::Device;
-use crate::error::{Error, Result, refuse};
-use crate::learner::{Learner, LearnerState};
-use crate::ranks::Ranks;
+use crate::learner::Learner;
+use crate::prelude::*;
 use crate::records::{Session, claimed};
 use crate::supply::{Supply, SupplyConfig};
 use crate::trainer::{Outcome, Trainer, TrainerConfig};

@@ -1,22 +1,13 @@
 //! What anything that was learned has to beat: the base alone, and a linear map on the same inputs.
 
-use std::sync::Arc;
-
 use nalgebra::DMatrix;
-use nerd_model::base::Base;
-use nerd_model::folder::Model;
 use nerd_model::neural::Neural;
-use nerd_model::normalizer::{Moments, Normalizer};
+use nerd_model::normalizer::Moments;
 use nerd_model::transformer::{ForwardError, Stream};
-use nerd_sim::dataset::GenerateConfig;
 use nerd_sim::instruments::Hold;
-use nerd_sim::prelude::*;
-use nerd_sim::range::Range;
 
-use crate::error::Result;
+use crate::prelude::*;
 use crate::prepare::{generate, normalize};
-use crate::ranks::Ranks;
-use crate::windows::Windows;
 
 /// Transitions that the map is fitted to, some fifty for each of its inputs, and frames of their trajectories.
 const TRANSITIONS: usize = 16_384;

@@ -6,19 +6,12 @@
 mod linear;
 mod words;
 
-use std::sync::Arc;
-
-use nerd_model::base::Base;
-use nerd_model::folder::Model;
 use nerd_model::pick::{Setting, learned};
-use nerd_model::transformer::Architecture;
 use nerd_sim::instruments::{Hold, Recorder};
-use nerd_sim::prelude::*;
-use serde::{Deserialize, Serialize};
 
 use crate::cost::{on_one_core, powers, timed};
-use crate::error::{Error, Result, refuse};
 use crate::evaluate::{PassiveConfig, passive, summary, summary_names};
+use crate::prelude::*;
 use crate::progress::bar;
 use crate::stats::mean;
 

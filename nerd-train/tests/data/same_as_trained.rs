@@ -1,17 +1,13 @@
 //! What runs is what was trained: led along a recorded trajectory, the learned solver predicts what the training pass does over the
 //! tokens that training makes of the same recording. Weights are random. Bound: the network's f32, in units of its targets' deviations.
 
-use std::sync::Arc;
-
 use nerd_core::state::wrap_state;
 use nerd_model::base::Base;
 use nerd_model::features::Features;
-use nerd_model::folder::Model;
-use nerd_model::neural::Neural;
+use nerd_model::prelude::*;
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
 use nerd_model::transformer::{Positions, TransformerConfig};
 use nerd_sim::dataset::{GenerateConfig, Recording, record};
-use nerd_sim::prelude::*;
 use nerd_train::prepare::{moments, tokens};
 use nerd_train::windows::Windows;
 

@@ -1,7 +1,5 @@
 //! Fresh data is the trajectories that follow those of the start, at updates that the settings alone decide.
 
-use std::sync::Arc;
-
 use nerd_model::form::Form;
 use nerd_model::normalizer::Normalizer;
 use nerd_sim::dataset::GenerateConfig;

@@ -1,9 +1,5 @@
 //! Tokens are seen from the robot, wherever it stands, and from no other robot's data.
 
-use std::sync::Arc;
-
-use nalgebra::Vector3;
-use nerd_core::state::vector;
 use nerd_model::base::Base;
 use nerd_model::form::{Form, View};
 use nerd_sim::dataset::{GenerateConfig, Recording, generate, read_shard, record, write_shard};

@@ -1,8 +1,5 @@
 //! The rows of a learned model, and their measurement.
 
-use nalgebra::Vector3;
-use nerd_core::dynamics::{Data, totals};
-use nerd_core::robot::Base;
 use nerd_sim::dataset::Drive;
 use nerd_sim::suite::Row;
 

@@ -7,7 +7,6 @@
 mod rollout;
 mod shown;
 
-use nerd_core::dynamics::Data;
 use nerd_sim::dataset::{GenerateConfig, Recording, begin, record};
 use nerd_sim::instruments::{Glide, Hold};
 use rayon::prelude::*;

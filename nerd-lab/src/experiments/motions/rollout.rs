@@ -2,14 +2,9 @@
 
 use std::time::{Duration, Instant};
 
-use anyhow::Result;
-use nalgebra::Vector3;
-use nerd_core::dynamics::{Data, kinematics, point_position};
-use nerd_core::robot::Robot;
-use nerd_sim::prelude::*;
-use nerd_train::stats::mean;
-
 use nerd_train::cost::each;
+
+use crate::prelude::*;
 
 /// A motion is lost if its points are this many times as far from the recorded ones as those ever are from the origin.
 const FAR: f64 = 10.0;

@@ -2,14 +2,9 @@
 
 mod torques;
 
-use std::sync::Arc;
-
-use nalgebra::Vector3;
 use nerd_cuda::{Buffer, Device, DeviceError};
 
-use super::refusal::StepError;
-use crate::batch::Batch;
-use crate::scene::Scene;
+use crate::prelude::*;
 
 pub(crate) use torques::acting;
 

@@ -1,14 +1,11 @@
 //! Rows of cables: long chains of rods, with and without springs between them.
 
 use std::f64::consts::PI;
-use std::sync::Arc;
 
-use nalgebra::Vector3;
-
-use crate::scene::{GRAVITY, points};
+use crate::prelude::*;
+use crate::scene::points;
 use crate::suite::row::Row;
 use crate::suite::trial::{Error, Trial, rise};
-use crate::system::System;
 
 pub(super) static ROWS: [Row; 3] = [
     Row::new("cable's sag", "error of the sag of a clamped cable, 16 rods, after 5 s", "relative", 0.01, sag)

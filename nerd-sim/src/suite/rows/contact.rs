@@ -1,11 +1,6 @@
 //! Rows of contact: rest, bounces, impacts.
 
-use std::sync::Arc;
-
-use nalgebra::Vector3;
-use nerd_core::state::vector;
-
-use crate::scene::GRAVITY;
+use crate::prelude::*;
 use crate::suite::bodies::Body;
 use crate::suite::row::Row;
 use crate::suite::trial::{Error, Motion, Trial};

@@ -1,11 +1,6 @@
 //! Rows without contact or joints: what a free body must do.
 
-use nalgebra::Vector3;
-use nerd_core::state::{quaternion, vector};
-
-use crate::batch::Batch;
-use crate::scene::GRAVITY;
-use crate::solver::{Solver, StepError};
+use crate::prelude::*;
 use crate::suite::bodies::{Body, UPRIGHT};
 use crate::suite::row::Row;
 use crate::suite::trial::{Error, Motion, Trial};

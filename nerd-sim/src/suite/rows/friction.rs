@@ -1,9 +1,6 @@
 //! Rows of friction: one body that slides or rolls.
 
-use nalgebra::Vector3;
-use nerd_core::state::{quaternion, vector};
-
-use crate::scene::GRAVITY;
+use crate::prelude::*;
 use crate::suite::bodies::{Body, UPRIGHT};
 use crate::suite::row::Row;
 use crate::suite::trial::{Error, Trial};

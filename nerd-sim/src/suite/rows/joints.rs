@@ -1,12 +1,10 @@
 //! Rows of joints: pendulums, limits, drives, robots in flight.
 
 use std::f64::consts::FRAC_PI_2;
-use std::sync::Arc;
 
 use rand::RngExt;
 
-use crate::sampling::{Start, start, stream};
-use crate::scene::GRAVITY;
+use crate::prelude::*;
 use crate::suite::bodies::{chain, slider, universal};
 use crate::suite::row::Row;
 use crate::suite::trial::{Error, Motion, Trial};

@@ -1,11 +1,8 @@
 //! Rows of built-in robots: convergence, independence of history, and drives at their limits.
 
-use std::sync::Arc;
-
 use rand::RngExt;
 
-use crate::control::Controller;
-use crate::sampling::{Start, start, stream};
+use crate::prelude::*;
 use crate::suite::row::Row;
 use crate::suite::trial::{Error, Trial};
 

@@ -1,9 +1,6 @@
 //! Rows of bodies that travel and turn at once, whose spatial acceleration is not what their velocity changes by.
 
-use nalgebra::Vector3;
-use nerd_core::state::{quaternion, vector};
-
-use crate::scene::GRAVITY;
+use crate::prelude::*;
 use crate::suite::bodies::{Body, UPRIGHT};
 use crate::suite::row::Row;
 use crate::suite::trial::{Error, Motion, Trial};

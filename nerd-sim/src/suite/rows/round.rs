@@ -1,16 +1,11 @@
 //! Rows of round bodies: a wheel that rolls, a coin that wobbles, a can that stands or tips.
 
 use std::f64::consts::{FRAC_PI_2, PI};
-use std::sync::Arc;
 
-use nalgebra::{UnitQuaternion, Vector3};
-use nerd_core::state::quaternion;
-
-use crate::scene::GRAVITY;
+use crate::prelude::*;
 use crate::suite::bodies::Body;
 use crate::suite::row::Row;
 use crate::suite::trial::{Error, Trial};
-use crate::system::System;
 
 pub(super) static ROWS: [Row; 3] = [
     Row::new("wheel", "way of a wheel, 1 m/s, 5 s", "relative", 0.01, wheel)

@@ -2,14 +2,10 @@
 //! reference's preset tumbles at a speed that no accurate solver sustains.
 
 use std::f64::consts::TAU;
-use std::sync::Arc;
 
-use nalgebra::Vector3;
-use nerd_core::state::vector;
-
+use crate::prelude::*;
 use crate::suite::row::Row;
 use crate::suite::trial::{Error, Motion, Trial, rise};
-use crate::system::System;
 
 /// Speed forwards (m/s), and about the axis across it (rad/s): it turns over as it runs.
 const SPEED: f64 = 8.0;

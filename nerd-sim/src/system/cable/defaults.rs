@@ -1,10 +1,7 @@
 //! Defaults of a cable whose TOML has only `[cable]`.
 
-use nerd_core::robot::Robot;
-
 use super::spec::{CableSpec, Held};
-use crate::range::Range;
-use crate::scene::{GRAVITY, Material};
+use crate::prelude::*;
 use crate::system::derive::{between, listed, plain, rounded};
 use crate::system::spec::{RootSpec, RootStart, Spec, StartSpec};
 

@@ -1,12 +1,7 @@
 //! The chain of rods.
 
-use nalgebra::{Isometry3, Matrix3, Vector3};
-use nerd_core::contact::ContactPoint;
-use nerd_core::robot::{Base, Joint, JointKind, Link, Robot};
-use nerd_core::spatial::BodyInertia;
-
 use super::spec::{CableSpec, Held};
-use crate::scene::GRAVITY;
+use crate::prelude::*;
 use crate::system::derive::rounded;
 
 /// Seconds in which a bent piece comes to rest where no damping is given: leads, hoses and ropes lose a bend in a moment. A chain of springs

@@ -1,12 +1,7 @@
 //! The shapes of a fixed base, which its robot touches as it touches a scene.
 
-use nalgebra::Vector3;
-use nerd_core::contact::{ContactPoint, Locus};
-use nerd_core::dynamics::{Data, kinematics, point_position};
-use nerd_core::robot::{Base, Robot, Shape};
-
 use super::limits::pose;
-use crate::scene::{Collider, Material};
+use crate::prelude::*;
 
 /// What is nearer to the base than this (m) wherever its joint turns is mounted on it.
 const MOUNTED: f64 = 1e-3;

@@ -5,18 +5,15 @@ use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::path::Path;
 
-use nalgebra::Vector3;
-use nerd_core::contact::{ContactPoint, Locus};
-use nerd_core::dynamics::{Data, TreeFactor, bias, crba, inertias, kinematics, point_position};
-use nerd_core::robot::{Joint, JointKind, Robot, UrdfRobot};
+use nerd_core::dynamics::{TreeFactor, bias, crba, inertias};
 
 use super::base::settle;
 use super::limits::pose;
 use super::plain::{between, listed, plain, rounded};
 use super::spread::enough;
 use super::srdf::pose_of;
-use crate::range::Range;
-use crate::scene::{GRAVITY, Material, foot};
+use crate::prelude::*;
+use crate::scene::foot;
 use crate::system::spec::{ControlSpec, JointSpec, RandomGains, RandomPlane, RootSpec, RootStart, Spec, StartSpec};
 
 /// Share of the robot's extent by which its weight presses its contacts in, borne by four of them; by one, if its base is fixed.

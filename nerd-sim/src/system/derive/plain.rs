@@ -1,9 +1,6 @@
 //! The specification of a robot with nothing but links and joints.
 
-use nerd_core::contact::{ContactPoint, Locus};
-use nerd_core::robot::{Joint, Robot};
-
-use crate::range::Range;
+use crate::prelude::*;
 use crate::system::spec::{ContactSpec, JointSpec, Spec, StartSpec, mesh_points};
 
 pub(crate) fn between(low: f64, high: f64) -> Range {

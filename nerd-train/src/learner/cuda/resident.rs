@@ -1,25 +1,18 @@
 //! A model as a solver whose frames never leave the device: contacts, tokens, network and the state that follows are one captured graph
 //! a frame.
 
-use std::sync::Arc;
-
 use nerd_cuda::Arg::{Int, Ptr};
 use nerd_cuda::{Arg, Buffer, Device, DeviceError, Replay};
 use nerd_model::chain::{Chain, ChainSolver, OUTPUTS, chain_program, numbers};
 use nerd_model::device::{LANES, program, settings};
-use nerd_model::folder::Model;
 use nerd_model::program::Slot;
-use nerd_model::transformer::Architecture;
 use nerd_sim::articulated::device::{BLOCK, Held, Motion, OnDevice, Reach, Real, failed};
-use nerd_sim::articulated::{ArticulatedConfig, Friction};
-use nerd_sim::batch::Batch;
-use nerd_sim::solver::StepError;
-use nerd_sim::system::System;
 
+use super::Precision;
 use super::network::Network;
 use super::plan::Plan;
 use super::stream::CudaStream;
-use super::{LearnError, Precision};
+use crate::prelude::*;
 
 /// A model's frames: a kernel for what it sees, its network, a kernel for what follows.
 pub struct Frames {
