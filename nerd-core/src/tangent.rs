@@ -2,8 +2,13 @@
 //! first. Those of a free root are a turn (rad), a way (m), an angular and a linear velocity of the root in **its own axes**:
 //! `R -> R exp(t)`, `x -> x + R d`, `a = R^-1 w`, `b = R^-1 x_dot`. Joints add.
 
+use nalgebra::Quaternion;
+
+use crate::contact::{ContactEvent, ContactPoint, Locus};
+use crate::dynamics::point_position;
 use crate::frames::own_velocity;
 use crate::prelude::*;
+use crate::spatial::Wrench;
 use crate::state::wrap_state;
 
 /// Writes to `out` the state to which `change` leads from `state`; to first order in it the inverse of [`difference`].
@@ -60,6 +65,54 @@ pub fn difference_back(robot: &Robot, a: &[f64], b: &[f64], upstream: &[f64], sl
         let (by_turn, by_way) = (vector(upstream), vector(&upstream[3..]));
         let parts: [Vector3<f64>; 2] = [by_turn * real + by_turn.cross(&turn) * sign, to.inverse_transform_vector(&(from * by_way))];
         slope.iter_mut().zip(parts.iter().flatten()).for_each(|(s, g)| *s += g);
+    }
+}
+
+/// Adds to `slope` what comes of gradients `by` the numbers of a state as they stand, `[q, qd]`, with
+/// `w = R a` and `v = R b + x cross w`.
+pub fn numbers_back(robot: &Robot, state: &[f64], by: &[f64], slope: &mut [f64]) {
+    let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
+    for i in 0..nv - dofs {
+        slope[dofs + i] += by[coords + i];
+        slope[nv + dofs + i] += by[nq + dofs + i];
+    }
+    if robot.floating() {
+        let (x, r, [a, b]) = (vector(state), quaternion(&state[3..7]), own_velocity(state, nq));
+        let (by_w, by_v) = (vector(&by[nq..]), vector(&by[nq + 3..]));
+        let [by_x, by_a, by_b] = [vector(by) + (r * a).cross(&by_v), by_w + by_v.cross(&x), by_v].map(|g| r.inverse_transform_vector(&g));
+        let twist = (r.into_inner().conjugate() * Quaternion::new(by[6], by[3], by[4], by[5])).imag() * 0.5;
+        let parts = [(0, twist + a.cross(&by_a) + b.cross(&by_b)), (3, by_x), (nv, by_a), (nv + 3, by_b)];
+        parts.iter().for_each(|(at, g)| slope[*at..at + 3].iter_mut().zip(g.iter()).for_each(|(s, g)| *s += g));
+    }
+}
+
+/// Adds to the `loads` on links, about the common origin, that of a force at a contact point. The rim of a disc turns about its axis, its
+/// deepest place does not.
+pub fn push(data: &Data, point: &ContactPoint, event: &ContactEvent, force: Vector3<f64>, loads: &mut [Wrench]) {
+    loads[point.link] += Wrench::force_at(force, &(event.p0 - data.origin));
+    if let Locus::Rim { axis, .. } = &point.locus {
+        let axis = data.rotation[point.link] * axis.as_ref();
+        let arm = event.p0 - point_position(data, point.link, &point.local);
+        loads[point.link].ang -= axis * axis.dot(&arm.cross(&force));
+    }
+}
+
+/// Adds to `slope` what wrenches on links, about the common origin, do along each number of the pose; each takes those of the links that
+/// it carries.
+pub fn wrenches_back(robot: &Robot, data: &Data, loads: &mut [Wrench], slope: &mut [f64]) {
+    for (i, link) in robot.links.iter().enumerate().rev() {
+        let load = loads[i];
+        match link.joint {
+            Some(_) => slope[data.dof[i]] += data.axis[i].dot(&load),
+            None => {
+                let (r, x) = (data.rotation[i], data.position[i]);
+                let parts = [r.tr_mul(&(load.ang - x.cross(&load.lin))), r.tr_mul(&load.lin)];
+                slope.iter_mut().zip(parts.iter().flatten()).for_each(|(s, g)| *s += g);
+            }
+        }
+        if let Some(parent) = link.parent {
+            loads[parent] += load;
+        }
     }
 }
 

@@ -12,13 +12,14 @@
 //! and joints add. Contacts are found anew in every frame. What is held constant is the curvature of surfaces (normals turn with the root,
 //! not with the place), which vertex of a hull and which place of a rim is deepest, and which contacts are near enough to be seen.
 
-use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
-use nerd_core::contact::{ContactEvent, Locus};
-use nerd_core::dynamics::{Data, kinematics, point_position, velocities};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nerd_core::contact::ContactEvent;
+use nerd_core::dynamics::{Data, kinematics, velocities};
 use nerd_core::frames::own_velocity;
 use nerd_core::robot::Robot;
 use nerd_core::spatial::{Motion, Wrench};
 use nerd_core::state::vector;
+use nerd_core::tangent::{push, wrenches_back};
 
 use crate::features::{Features, nearness_slope, waves};
 use crate::form::View;
@@ -106,13 +107,7 @@ pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f64], data: &mut Data,
                 if robot.floating() { r.tr_mul(&velocity.cross(&event.normal)) * by_closing } else { by_speed.cross(&r.tr_mul(&velocity)) };
         }
         let force = by_p1 + event.normal * (by_depth - event.normal.dot(&by_p1));
-        loads[point.link] += Wrench::force_at(force, &(event.p0 - data.origin));
-        if let Locus::Rim { axis, .. } = &point.locus {
-            // The rim turns about its disc's axis, its deepest place does not.
-            let axis = data.rotation[point.link] * axis.as_ref();
-            let arm = event.p0 - point_position(data, point.link, &point.local);
-            loads[point.link].ang -= axis * axis.dot(&arm.cross(&force));
-        }
+        push(data, point, event, force, &mut loads);
     }
     take(joints);
     let by_gravity = three(take(3), 0);
@@ -127,8 +122,8 @@ pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f64], data: &mut Data,
     let at = o - data.origin;
     loads[0] += Wrench::force_at(r * shift, &at);
     loads[0].ang += r * turn;
-    onto(robot, data, &mut loads, slope);
-    onto(robot, data, &mut impulses, &mut slope[nv..]);
+    wrenches_back(robot, data, &mut loads, slope);
+    wrenches_back(robot, data, &mut impulses, &mut slope[nv..]);
 }
 
 /// Adds what poses of the joints above a link do to the velocity of its point at `x`, along a direction: with `w` the spin of a joint's
@@ -144,24 +139,6 @@ fn quickened(robot: &Robot, data: &Data, link: usize, x: &Vector3<f64>, along: &
         let parent = next.map_or(Motion::default(), |p| data.velocity[p]);
         let way = parent.ang.cross(&data.axis[i].at(x)) + data.axis[i].ang.cross(&(velocity - parent.at(x)));
         slope[data.dof[i]] += along.dot(&way);
-    }
-}
-
-/// Adds what wrenches on links, about the common origin, do along each degree of freedom of the pose.
-fn onto(robot: &Robot, data: &Data, loads: &mut [Wrench], slope: &mut [f64]) {
-    for (i, link) in robot.links.iter().enumerate().rev() {
-        let load = loads[i];
-        match link.joint {
-            Some(_) => slope[data.dof[i]] += data.axis[i].dot(&load),
-            None => {
-                let (r, x): (Matrix3<f64>, Vector3<f64>) = (data.rotation[i], data.position[i]);
-                let parts = [r.tr_mul(&(load.ang - x.cross(&load.lin))), r.tr_mul(&load.lin)];
-                slope.iter_mut().zip(parts.iter().flatten()).for_each(|(s, g)| *s += g);
-            }
-        }
-        if let Some(parent) = link.parent {
-            loads[parent] += load;
-        }
     }
 }
 

@@ -44,35 +44,83 @@ impl Controller {
     /// # Panics
     /// If `state`, `action` and `out` are not of the system's sizes.
     pub fn torques(&mut self, state: &[f64], action: &[f64], out: &mut [f64]) {
-        let robot = &self.system.robot;
-        let (q, qd) = state.split_at(robot.nq());
-        let (q, qd) = (&q[robot.root_coords()..], &qd[robot.root_dofs()..]);
-        assert!(q.len() == action.len() && q.len() == out.len(), "one action and one torque a joint");
-        let Some(law) = &self.system.spec.control else {
+        let (joints, found) = (self.system.robot.joint_count(), action.len());
+        assert!(found == joints && out.len() == joints, "one action and one torque a joint");
+        if self.system.spec.control.is_none() {
             for ((tau, joint), a) in out.iter_mut().zip(self.system.joint_specs()).zip(action) {
                 *tau = joint.gain.unwrap_or(joint.torque) * a.clamp(-1.0, 1.0);
             }
             return;
-        };
-        let h = self.system.frame_time;
-        let gaps = &mut self.gaps;
-        gaps.clear();
-        for (i, joint) in self.system.joint_specs().enumerate() {
-            let from = if law.relative { q[i] } else { joint.default };
-            let gap = from + law.scale * action[i] - q[i];
-            gaps.push([if self.wraps[i] && !law.relative { wrap(gap) } else { gap }, qd[i]]);
         }
-        if let Some(qdd) = self.ahead.as_mut().and_then(|a| a.accelerations(&self.system, state, &self.gains, gaps)) {
-            for ([gap, speed], qdd) in gaps.iter_mut().zip(qdd) {
-                *gap -= h * (*speed + h * qdd);
-                *speed += h * qdd;
+        self.look(state, action);
+        (0..joints).for_each(|i| out[i] = self.law(i).clamp(-self.most(i), self.most(i)));
+    }
+
+    /// Vector-Jacobian product of [`Self::torques`]: adds to gradients by the numbers of the state and by the action. Mass matrix and bias of
+    /// a law that looks ahead count as constant.
+    ///
+    /// # Panics
+    /// As [`Self::torques`].
+    pub fn back(&mut self, state: &[f64], action: &[f64], by: &[f64], by_state: &mut [f64], by_action: &mut [f64]) {
+        let system = self.system.clone();
+        let robot = &system.robot;
+        let Some(law) = &system.spec.control else {
+            let inside = |a: f64| f64::from(u8::from((-1.0..=1.0).contains(&a)));
+            for (((g, joint), a), by) in by_action.iter_mut().zip(system.joint_specs()).zip(action).zip(by) {
+                *g += by * joint.gain.unwrap_or(joint.torque) * inside(*a);
+            }
+            return;
+        };
+        let (h, ahead) = (system.frame_time, self.look(state, action));
+        let free = |i: usize| if self.law(i).abs() <= self.most(i) { by[i] } else { 0.0 };
+        // By gap and speed as they are then, and through the acceleration by those of now.
+        let mut slopes: Vec<[f64; 2]> = (0..by.len()).map(|i| [self.gains[i][0] * free(i), -self.gains[i][1] * free(i)]).collect();
+        if let Some(solved) = self.ahead.as_mut().filter(|_| ahead) {
+            let accelerations = slopes.iter().map(|[gap, speed]| h * speed - h * h * gap);
+            let by_push = solved.answers(robot.root_dofs(), accelerations);
+            for (([gap, speed], [kp, kd]), push) in slopes.iter_mut().zip(&self.gains).zip(by_push) {
+                *speed -= h * *gap + (kd + h * kp) * push;
+                *gap += kp * push;
             }
         }
-        for (i, joint) in self.system.joint_specs().enumerate() {
-            let ([kp, kd], [gap, speed]) = (self.gains[i], gaps[i]);
-            let (tau, most) = (kp * gap - kd * speed, joint.gain.unwrap_or(joint.torque));
-            out[i] = if law.clamp { tau.clamp(-most, most) } else { tau };
+        for (i, [gap, speed]) in slopes.into_iter().enumerate() {
+            by_action[i] += law.scale * gap;
+            by_state[robot.root_coords() + i] -= if law.relative { 0.0 } else { gap };
+            by_state[robot.nq() + robot.root_dofs() + i] += speed;
         }
+    }
+
+    /// Finds how far the position law's joints are from their targets, and how fast, now or, if that is looked at, a frame ahead.
+    fn look(&mut self, state: &[f64], action: &[f64]) -> bool {
+        let Self { system, gains, ahead, wraps, gaps } = self;
+        let (robot, h) = (&system.robot, system.frame_time);
+        let (q, qd) = state.split_at(robot.nq());
+        let (q, qd) = (&q[robot.root_coords()..], &qd[robot.root_dofs()..]);
+        let Some(law) = &system.spec.control else { return false };
+        gaps.clear();
+        for (i, joint) in system.joint_specs().enumerate() {
+            let from = if law.relative { q[i] } else { joint.default };
+            let gap = from + law.scale * action[i] - q[i];
+            gaps.push([if wraps[i] && !law.relative { wrap(gap) } else { gap }, qd[i]]);
+        }
+        let Some(qdd) = ahead.as_mut().and_then(|a| a.accelerations(system, state, gains, gaps)) else { return false };
+        for ([gap, speed], qdd) in gaps.iter_mut().zip(qdd) {
+            *gap -= h * (*speed + h * qdd);
+            *speed += h * qdd;
+        }
+        true
+    }
+
+    /// What the law makes of a joint's gap, and the most that it may.
+    fn law(&self, i: usize) -> f64 {
+        let ([kp, kd], [gap, speed]) = (self.gains[i], self.gaps[i]);
+        kp * gap - kd * speed
+    }
+
+    fn most(&self, i: usize) -> f64 {
+        let joint = self.system.spec.joints.get(i);
+        let clamped = self.system.spec.control.is_some_and(|law| law.clamp);
+        joint.filter(|_| clamped).map_or(f64::INFINITY, |joint| joint.gain.unwrap_or(joint.torque))
     }
 }
 
@@ -112,5 +160,14 @@ impl Ahead {
         }
         self.factor.solve(qdd);
         Some(&self.data.qdd.as_slice()[dofs..])
+    }
+
+    /// The same matrix, asked about other pushes on the joints, after [`Self::accelerations`].
+    fn answers(&mut self, dofs: usize, pushes: impl Iterator<Item = f64>) -> &[f64] {
+        let all = self.data.qdd.as_mut_slice();
+        all[..dofs].fill(0.0);
+        all[dofs..].iter_mut().zip(pushes).for_each(|(x, push)| *x = push);
+        self.factor.solve(all);
+        &all[dofs..]
     }
 }

@@ -46,6 +46,20 @@ pub struct Episodes {
     works: Vec<Work>,
     observations: Vec<f64>,
     past: Past,
+    trace: Option<Trace>,
+}
+
+/// Frames that were stepped, one after the other.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Trace {
+    /// States before each frame, `[frame][env][q, qd]`.
+    pub states: Vec<f64>,
+    /// Goals in it, `[frame][env][goal_dim]`.
+    pub goals: Vec<f64>,
+    /// Torques held over it, `[frame][env][joint]`.
+    pub torques: Vec<f64>,
+    /// States that each step led to, before ended episodes restarted, `[step][env][q, qd]`; not a number where the solver could not go on.
+    pub reached: Vec<f64>,
 }
 
 impl Episodes {
@@ -72,6 +86,7 @@ impl Episodes {
             works: (0..n.div_ceil(CHUNK)).map(|_| Work::new(&system)).collect(),
             observations: vec![0.0; n * task.observation_dim()],
             past: Past::default(),
+            trace: None,
             task,
             simulation,
         };
@@ -84,6 +99,11 @@ impl Episodes {
     /// 0 for an analytic solver).
     pub fn remember(&mut self, frames: usize) {
         self.past.most = frames;
+    }
+
+    /// Writes down all frames from here on; what was written down so far.
+    pub fn trace(&mut self) -> Trace {
+        self.trace.replace(Trace::default()).unwrap_or_default()
     }
 
     /// Its seed, and the number of its first environment: with [`Snapshot::begun`] they determine the next draws.
@@ -143,6 +163,10 @@ impl Episodes {
         self.finite("reward", &result.rewards)?;
         self.observe(|_| true);
         self.finite("observe", &self.observations)?;
+        if let Some(trace) = &mut self.trace {
+            let states = self.simulation.batch.states.chunks_exact(d).zip(&failed);
+            trace.reached.extend(states.flat_map(|(state, failed)| state.iter().map(|x| if *failed { f64::NAN } else { *x })));
+        }
         result.reached = self.observations.par_iter().with_min_len(MOVED).copied().collect();
         let ended = |env: usize| result.terminated[env] || result.truncated[env];
         (0..n).filter(|env| ended(*env)).for_each(|env| self.restart(env));
@@ -214,6 +238,11 @@ impl Episodes {
     /// the first frame of an episode is an error.
     fn frame(&mut self, failed: &mut [bool]) -> Result<(), StepError> {
         self.past.push(&self.simulation.batch.states, &self.torques);
+        if let Some(trace) = &mut self.trace {
+            trace.states.extend_from_slice(&self.simulation.batch.states);
+            trace.goals.extend_from_slice(&self.goals);
+            trace.torques.extend_from_slice(&self.torques);
+        }
         let stepped = self.simulation.step(&self.torques);
         let width = self.task.goal_dim();
         self.goals.chunks_exact_mut(width.max(1)).for_each(|goal| self.task.advance(goal));

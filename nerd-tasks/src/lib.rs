@@ -16,12 +16,12 @@ mod task;
 pub use ant::Ant;
 pub use anymal::Anymal;
 pub use cartpole_swingup::CartpoleSwingup;
-pub use episodes::{Episodes, StepResult};
+pub use episodes::{Episodes, StepResult, Trace};
 pub use franka_reach::FrankaReach;
 pub use lead_tip::LeadTip;
 pub use registry::{TaskError, named, names};
 pub use snapshot::Snapshot;
-pub use task::{About, Task, View, Work, fast_start};
+pub use task::{About, Slopes, Task, View, Work, fast_start};
 
 pub use nerd_sim;
 pub use rand;

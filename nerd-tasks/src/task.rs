@@ -111,11 +111,16 @@ pub trait Task: Send + Sync {
         false
     }
 
-    /// The task as kernels for a graphics card ([`crate::formula`]), in scenes of so many colliders.
+    /// Its slopes, if it is written in formulas ([`crate::formula`]).
+    fn slopes(&self) -> Option<&dyn Slopes> {
+        None
+    }
+
+    /// The task as kernels for a graphics card ([`crate::formula`]), in scenes of so many colliders, with functions for its slopes or without.
     ///
     /// # Errors
     /// If there are none, as for a task without [`crate::formula::Formulas`].
-    fn kernels(&self, _system: &System, _colliders: usize) -> Result<String, String> {
+    fn kernels(&self, _system: &System, _colliders: usize, _slopes: bool) -> Result<String, String> {
         Err(format!("task `{}` is not written in formulas (nerd_tasks::formula), so it stays on the CPU", self.name()))
     }
 
@@ -153,6 +158,20 @@ pub trait Task: Send + Sync {
     fn frames(&self) -> u64 {
         self.about().frames
     }
+}
+
+/// Vector-Jacobian products of a task: gradients by what it says become gradients by the state, in its tangent space
+/// ([`nerd_core::tangent`]), by action and by torques, and are added up. Goals, which contact points are nearest to what, and under a
+/// position law that looks ahead the robot's mass matrix and bias count as constant.
+pub trait Slopes {
+    /// Of [`Task::observe`].
+    fn observe_back(&self, view: View, work: &mut Work, by: &[f64], slope: &mut [f64]);
+
+    /// Of [`Task::act`], by the action as it is clamped.
+    fn act_back(&self, view: View, action: &[f64], work: &mut Work, by: &[f64], slope: &mut [f64], by_action: &mut [f64]);
+
+    /// Of [`Task::reward`].
+    fn reward_back(&self, view: View, torques: &[f64], work: &mut Work, by: f64, slope: &mut [f64], by_torques: &mut [f64]);
 }
 
 /// A start of a task with velocities that a policy comes to only once it is good ([`hurry`]), and that a model should know before. Where

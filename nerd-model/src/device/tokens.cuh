@@ -94,27 +94,6 @@ BIG void tell(const double* state, const double* tau, const double* scene, float
     for (; k < LDX; k++) token[k] = 0;
 }
 
-// Velocity of the root in its own axes.
-FN void own_velocity(const double* state, V3& a, V3& b) {
-    const M3 r = matrix(read4(state + 3));
-    const double *w = state + NQ, *o = state;
-    const V3 v = v3((real)(w[3] - (o[1] * w[2] - o[2] * w[1])), (real)(w[4] - (o[2] * w[0] - o[0] * w[2])), (real)(w[5] - (o[0] * w[1] - o[1] * w[0])));
-    a = back(r, v3((real)w[0], (real)w[1], (real)w[2]));
-    b = back(r, v);
-}
-
-FN void add3(double* to, V3 v) { to[0] += v.x; to[1] += v.y; to[2] += v.z; }
-FN void put3(double* to, V3 v) { to[0] = v.x; to[1] = v.y; to[2] = v.z; }
-
-// a b, neither of unit length.
-FN void product(const double* a, const double* b, double* out) {
-    for (int k = 0; k < 3; k++) {
-        const int i = (k + 1) % 3, j = (k + 2) % 3;
-        out[k] = a[3] * b[k] + a[k] * b[3] + a[i] * b[j] - a[j] * b[i];
-    }
-    out[3] = a[3] * b[3] - a[0] * b[0] - a[1] * b[1] - a[2] * b[2];
-}
-
 FN void exponential(V3 u, double* q) {
     const double angle = norm(u), s = angle > 1e-8 ? sin(0.5 * angle) / angle : 0.5;
     put3(q, u * (real)s);

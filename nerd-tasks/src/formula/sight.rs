@@ -4,6 +4,7 @@ use nerd_core::dynamics::{kinematics, point_position};
 use nerd_sim::scene::contacts;
 use nerd_sim::system::System;
 
+use super::tape::{Leaf, Tape, Traced};
 use crate::{View, Work};
 
 /// One environment, in numbers of a kind.
@@ -74,5 +75,76 @@ impl Sight<f64> for Direct<'_> {
 
     fn controlled(&mut self, action: &[f64], torques: &mut [f64]) {
         self.work.controller.torques(self.view.state, action, torques);
+    }
+}
+
+/// What is asked for is recorded; its values are known on the CPU alone.
+pub(super) struct Recorded<'a, 'b> {
+    pub tape: &'a Tape,
+    system: &'b System,
+    goals: usize,
+    direct: Option<Direct<'b>>,
+}
+
+impl<'a, 'b> Recorded<'a, 'b> {
+    /// Of no state yet.
+    pub fn unknown(tape: &'a Tape, system: &'b System, goals: usize) -> Self {
+        Self { tape, system, goals, direct: None }
+    }
+
+    /// Of what is seen.
+    pub fn of(tape: &'a Tape, system: &'b System, view: View<'b>, work: &'b mut Work) -> Self {
+        Self { tape, system, goals: view.goal.len(), direct: Some(Direct::new(view, work)) }
+    }
+
+    fn leaf(&self, leaf: Leaf, value: impl FnOnce(&Direct) -> f64) -> Traced<'a> {
+        self.tape.leaf(leaf, self.direct.as_ref().map_or(f64::NAN, value))
+    }
+}
+
+impl<'a> Sight<Traced<'a>> for Recorded<'a, '_> {
+    fn system(&self) -> &System {
+        self.system
+    }
+
+    fn q(&self, k: usize) -> Traced<'a> {
+        self.tape.among("coordinates", k, self.system.robot.nq());
+        self.leaf(Leaf::State(k), |direct| direct.q(k))
+    }
+
+    fn qd(&self, k: usize) -> Traced<'a> {
+        self.tape.among("velocities", k, self.system.robot.nv());
+        self.leaf(Leaf::State(self.system.robot.nq() + k), |direct| direct.qd(k))
+    }
+
+    fn goal(&self, k: usize) -> Traced<'a> {
+        self.tape.among("numbers of the goal", k, self.goals);
+        self.leaf(Leaf::Goal(k), |direct| direct.goal(k))
+    }
+
+    fn place(&mut self, link: usize, local: [f64; 3]) -> [Traced<'a>; 3] {
+        self.tape.among("links", link, self.system.robot.links.len());
+        let at = self.direct.as_mut().map_or([f64::NAN; 3], |direct| direct.place(link, local));
+        [0, 1, 2].map(|axis| self.tape.leaf(Leaf::Place { link, local, axis }, at[axis]))
+    }
+
+    fn distance(&mut self, point: usize) -> Traced<'a> {
+        self.tape.among("contact points", point, self.system.robot.contact_points.len());
+        let gap = self.direct.as_mut().map_or(f64::NAN, |direct| direct.distance(point));
+        self.tape.leaf(Leaf::Distance(point), gap)
+    }
+
+    fn controlled(&mut self, action: &[Traced<'a>], torques: &mut [Traced<'a>]) {
+        let joints = self.system.robot.joint_count();
+        if action.len() != joints || torques.len() != joints {
+            let text = format!("{} actions and {} torques for a controller of {joints} joints", action.len(), torques.len());
+            self.tape.wrong.borrow_mut().get_or_insert(text);
+        }
+        let (call, mut values) = (self.tape.list(action), vec![f64::NAN; torques.len()]);
+        if let Some(direct) = &mut self.direct {
+            direct.controlled(&action.iter().map(|a| a.value()).collect::<Vec<_>>(), &mut values);
+        }
+        let all = torques.iter_mut().zip(values).enumerate();
+        all.for_each(|(i, (tau, value))| *tau = self.tape.leaf(Leaf::Controlled { call, i }, value));
     }
 }

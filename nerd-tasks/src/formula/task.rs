@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use super::Formulas;
 use super::sight::Direct;
 use super::text::written;
-use crate::{About, Task, View, Work};
+use crate::{About, Slopes, Task, View, Work};
 
 impl<F: Formulas> Task for F {
     fn about(&self) -> About {
@@ -45,8 +45,12 @@ impl<F: Formulas> Task for F {
         self.over(&mut Direct::new(view, work)) != 0.0
     }
 
-    fn kernels(&self, system: &System, colliders: usize) -> Result<String, String> {
-        program(self, system, colliders)
+    fn slopes(&self) -> Option<&dyn Slopes> {
+        Some(self)
+    }
+
+    fn kernels(&self, system: &System, colliders: usize, slopes: bool) -> Result<String, String> {
+        program(self, system, colliders, slopes)
     }
 }
 
@@ -55,7 +59,7 @@ impl<F: Formulas> Task for F {
 ///
 /// # Errors
 /// What of the robot's starts has no kernel; a formula that speaks of what there is not.
-fn program(task: &impl Formulas, system: &System, colliders: usize) -> Result<String, String> {
+fn program(task: &impl Formulas, system: &System, colliders: usize, slopes: bool) -> Result<String, String> {
     let (about, mut text) = (Formulas::about(task), episode(system, colliders)?);
     let sizes =
         [("SEEN", about.observation), ("ACTIONS", about.action), ("GOALS", task.goal().len()), ("STEP_FRAMES", about.frames as usize)];
@@ -67,7 +71,7 @@ fn program(task: &impl Formulas, system: &System, colliders: usize) -> Result<St
     let ends: Vec<String> = task.goal().iter().flatten().chain(&[0.0]).map(|x| format!("{x:e}")).collect();
     let _ = writeln!(text, "TABLE double ASKED[] = {{{}}};", ends.join(", "));
     text.push_str(include_str!("sight.cuh"));
-    text.push_str(&written(task, system)?);
+    text.push_str(&written(task, system, slopes)?);
     text.push_str(include_str!("task.cuh"));
     Ok(text)
 }

@@ -1,244 +1,192 @@
-//! Formulas as text: every operation is a line of C.
+//! Recorded formulas as text: every node is a line of C.
 
-use std::cell::{Cell, RefCell};
 use std::fmt::Write;
-use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use nerd_sim::system::System;
 
-use super::{Formulas, Number, Sight};
+use super::Formulas;
+use super::sight::Recorded;
+use super::sweep::{Ends, sweep};
+use super::tape::{Function, Given, Leaf, Node, Tape, Traced};
 
-/// The lines so far, and what they need of their caller.
-#[derive(Debug, Default)]
-pub struct Tape {
-    lines: RefCell<String>,
-    count: Cell<usize>,
-    asks: Cell<bool>,
-    /// What reaches too far.
-    wrong: RefCell<Option<String>>,
+impl std::fmt::Display for Given {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Known(x) if x.is_finite() => write!(f, "({x:e})"),
+            Self::Known(x) if x.is_nan() => write!(f, "(0.0 / zero())"),
+            Self::Known(x) => write!(f, "({:e} / zero())", x.signum()),
+            Self::Node(k) => write!(f, "n{k}"),
+        }
+    }
+}
+
+impl Function {
+    /// What stands before, between and after its numbers; of one number nothing is between.
+    fn words(self) -> [&'static str; 3] {
+        match self {
+            Self::Add => ["", " + ", ""],
+            Self::Sub => ["", " - ", ""],
+            Self::Mul => ["", " * ", ""],
+            Self::Div => ["", " / ", ""],
+            Self::Neg => ["-(", "", ")"],
+            Self::Sqrt => ["sqrt(", "", ")"],
+            Self::Exp => ["exp(", "", ")"],
+            Self::Abs => ["fabs(", "", ")"],
+            Self::Max => ["fmax(", ", ", ")"],
+            Self::Min => ["fmin(", ", ", ")"],
+            Self::Wrap => ["wrapped(", "", ")"],
+            Self::Below => ["", " < ", " ? 1.0 : 0.0"],
+        }
+    }
+}
+
+/// Coordinates of a point of a link, as arguments.
+fn place(link: usize, [x, y, z]: [f64; 3], axis: usize) -> String {
+    format!("{link}, {x:e}, {y:e}, {z:e}, {axis}")
 }
 
 impl Tape {
-    /// A new line: the number that `formula` says.
-    fn line(&self, formula: &str) -> Text<'_> {
-        let k = self.count.replace(self.count.get() + 1);
-        let _ = writeln!(self.lines.borrow_mut(), "    const double n{k} = {formula};");
-        Text::Line(self, k)
-    }
-
-    /// Whether number k of so many is one of them.
-    fn among(&self, what: &str, k: usize, count: usize) {
-        if k >= count {
-            self.wrong.borrow_mut().get_or_insert_with(|| format!("number {k} of {count} {what} is asked for"));
+    /// The lines, and whether they ask for links or distances.
+    fn lines(&self) -> (String, bool) {
+        let (mut text, mut asks) = (String::new(), false);
+        let list = |k: usize| self.lists.borrow()[k].iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+        for (k, (node, _)) in self.nodes.borrow().iter().enumerate() {
+            let said = match node {
+                Node::Made(f, [a, b]) => match f.words() {
+                    [before, "", after] => format!("{before}{a}{after}"),
+                    [before, between, after] => format!("{before}{a}{between}{b}{after}"),
+                },
+                Node::Leaf(leaf) => match *leaf {
+                    Leaf::State(k) => format!("s.state[{k}]"),
+                    Leaf::Goal(k) => format!("s.goal[{k}]"),
+                    Leaf::Action(k) => format!("action[{k}]"),
+                    Leaf::Torque(k) => format!("torques[{k}]"),
+                    Leaf::By(k) => format!("by[{k}]"),
+                    Leaf::Place { link, local, axis } => format!("place(s, {})", place(link, local, axis)),
+                    Leaf::Distance(point) => format!("gap(s, {point})"),
+                    Leaf::Controlled { call, i } => {
+                        if i == 0 {
+                            let list = list(call);
+                            let _ = writeln!(
+                                text,
+                                "    const double a{call}[] = {{{list}}}; double t{call}[NJ + 1]; controlled(s.state, a{call}, t{call});"
+                            );
+                        }
+                        format!("t{call}[{i}]")
+                    }
+                    Leaf::Pushed { call, by, i } => {
+                        if i == 0 {
+                            let list = list(by);
+                            let _ = writeln!(
+                                text,
+                                "    const double d{call}[] = {{{list}}}; double b{call}[NJ + 1]; \
+                                 controlled_back(s.state, a{call}, d{call}, b{call}, by_state);"
+                            );
+                        }
+                        format!("b{call}[{i}]")
+                    }
+                },
+            };
+            asks |= matches!(node, Node::Leaf(Leaf::Place { .. } | Leaf::Distance(_)));
+            let _ = writeln!(text, "    const double n{k} = {said};");
         }
-    }
-
-    fn say(&self, words: &str) {
-        let _ = writeln!(self.lines.borrow_mut(), "    {words}");
+        (text, asks)
     }
 }
 
-/// A number that is known, or that a line will say.
-#[derive(Clone, Copy, Debug)]
-pub enum Text<'a> {
-    /// Known.
-    Number(f64),
-    /// Of this line.
-    Line(&'a Tape, usize),
-}
-
-impl std::fmt::Display for Text<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Number(x) if x.is_finite() => write!(f, "({x:e})"),
-            Self::Number(x) if x.is_nan() => write!(f, "(0.0 / zero())"),
-            Self::Number(x) => write!(f, "({:e} / zero())", x.signum()),
-            Self::Line(_, k) => write!(f, "n{k}"),
-        }
-    }
-}
-
-impl From<f64> for Text<'_> {
-    fn from(x: f64) -> Self {
-        Self::Number(x)
-    }
-}
-
-impl Text<'_> {
-    /// Of one number.
-    fn one(self, known: fn(f64) -> f64, name: &str) -> Self {
-        match self {
-            Self::Number(x) => Self::Number(known(x)),
-            Self::Line(tape, _) => tape.line(&format!("{name}({self})")),
-        }
-    }
-
-    /// Of two: known where both are.
-    fn two(self, other: Self, known: fn(f64, f64) -> f64, [before, between, after]: [&str; 3]) -> Self {
-        match (self, other) {
-            (Self::Number(a), Self::Number(b)) => Self::Number(known(a, b)),
-            (Self::Line(tape, _), _) | (_, Self::Line(tape, _)) => tape.line(&format!("{before}{self}{between}{other}{after}")),
-        }
-    }
-}
-
-impl Add for Text<'_> {
-    type Output = Self;
-    fn add(self, other: Self) -> Self {
-        self.two(other, |a, b| a + b, ["", " + ", ""])
-    }
-}
-
-impl Sub for Text<'_> {
-    type Output = Self;
-    fn sub(self, other: Self) -> Self {
-        self.two(other, |a, b| a - b, ["", " - ", ""])
-    }
-}
-
-impl Mul for Text<'_> {
-    type Output = Self;
-    fn mul(self, other: Self) -> Self {
-        self.two(other, |a, b| a * b, ["", " * ", ""])
-    }
-}
-
-impl Div for Text<'_> {
-    type Output = Self;
-    fn div(self, other: Self) -> Self {
-        self.two(other, |a, b| a / b, ["", " / ", ""])
-    }
-}
-
-impl Neg for Text<'_> {
-    type Output = Self;
-    fn neg(self) -> Self {
-        self.one(|x| -x, "-")
-    }
-}
-
-impl Number for Text<'_> {
-    fn sqrt(self) -> Self {
-        self.one(f64::sqrt, "sqrt")
-    }
-
-    fn exp(self) -> Self {
-        self.one(f64::exp, "exp")
-    }
-
-    fn abs(self) -> Self {
-        self.one(f64::abs, "fabs")
-    }
-
-    fn max(self, other: Self) -> Self {
-        self.two(other, f64::max, ["fmax(", ", ", ")"])
-    }
-
-    fn min(self, other: Self) -> Self {
-        self.two(other, f64::min, ["fmin(", ", ", ")"])
-    }
-
-    fn wrap(self) -> Self {
-        self.one(nerd_core::state::wrap, "wrapped")
-    }
-
-    fn below(self, other: Self) -> Self {
-        self.two(other, |a, b| a.below(b), ["", " < ", " ? 1.0 : 0.0"])
-    }
-}
-
-/// An environment written in words of `task.cuh`.
-struct Traced<'a> {
+/// Where gradients go: lines of C.
+struct Written<'a> {
     tape: &'a Tape,
-    system: &'a System,
-    goals: usize,
+    lines: String,
 }
 
-impl<'a> Sight<Text<'a>> for Traced<'a> {
-    fn system(&self) -> &System {
-        self.system
+impl<'a> Ends<Traced<'a>> for Written<'a> {
+    fn value(&self, node: usize) -> Traced<'a> {
+        Traced::Node(self.tape, node)
     }
 
-    fn q(&self, k: usize) -> Text<'a> {
-        self.tape.among("coordinates", k, self.system.robot.nq());
-        self.tape.line(&format!("s.state[{k}]"))
+    fn leaf(&mut self, leaf: Leaf, by: Traced<'a>) {
+        let by = by.given();
+        let line = match leaf {
+            Leaf::State(k) => format!("by_state[{k}] += {by};"),
+            Leaf::Action(k) => format!("by_action[{k}] += {by};"),
+            Leaf::Torque(k) => format!("by_torques[{k}] += {by};"),
+            Leaf::Place { link, local, axis } => format!("place_back(s, {}, {by}, load);", place(link, local, axis)),
+            Leaf::Distance(point) => format!("gap_back(s, {point}, {by}, load);"),
+            _ => return,
+        };
+        let _ = writeln!(self.lines, "    {line}");
     }
 
-    fn qd(&self, k: usize) -> Text<'a> {
-        self.tape.among("velocities", k, self.system.robot.nv());
-        self.tape.line(&format!("s.state[NQ + {k}]"))
+    fn controlled(&mut self, call: usize, by: &[Traced<'a>]) -> Vec<Traced<'a>> {
+        let list = self.tape.list(by);
+        (0..by.len()).map(|i| self.tape.leaf(Leaf::Pushed { call, by: list, i }, f64::NAN)).collect()
     }
+}
 
-    fn goal(&self, k: usize) -> Text<'a> {
-        self.tape.among("numbers of the goal", k, self.goals);
-        self.tape.line(&format!("s.goal[{k}]"))
-    }
-
-    fn place(&mut self, link: usize, [x, y, z]: [f64; 3]) -> [Text<'a>; 3] {
-        self.tape.asks.set(true);
-        self.tape.among("links", link, self.system.robot.links.len());
-        [0, 1, 2].map(|k| self.tape.line(&format!("place(s, {link}, {x:e}, {y:e}, {z:e}, {k})")))
-    }
-
-    fn distance(&mut self, point: usize) -> Text<'a> {
-        self.tape.asks.set(true);
-        self.tape.among("contact points", point, self.system.robot.contact_points.len());
-        self.tape.line(&format!("gap(s, {point})"))
-    }
-
-    fn controlled(&mut self, action: &[Text<'a>], torques: &mut [Text<'a>]) {
-        let (k, joints) = (self.tape.count.get(), self.system.robot.joint_count());
-        if action.len() != joints || torques.len() != joints {
-            let text = format!("{} actions and {} torques for a controller of {joints} joints", action.len(), torques.len());
-            self.tape.wrong.borrow_mut().get_or_insert(text);
-        }
-        let list = action.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
-        self.tape.say(&format!("const double a{k}[] = {{{list}}}; double t{k}[NJ + 1]; controlled(s.state, a{k}, t{k});"));
-        torques.iter_mut().enumerate().for_each(|(i, tau)| *tau = self.tape.line(&format!("t{k}[{i}]")));
-    }
+/// Adds to a tape the way back from what was said; the lines with which it ends.
+fn back(tape: &Tape, said: &[Traced]) -> String {
+    let nodes: Vec<Node> = tape.nodes.borrow().iter().map(|(node, _)| *node).collect();
+    let lists = tape.lists.borrow().clone();
+    let seeds: Vec<_> = said.iter().enumerate().map(|(k, x)| (x.given(), tape.leaf(Leaf::By(k), f64::NAN))).collect();
+    let mut ends = Written { tape, lines: String::new() };
+    sweep(&nodes, &lists, &seeds, &mut ends);
+    ends.lines
 }
 
 /// A task's formulas as functions of C: `task_observe`, `task_act`, `task_reward` and `task_over`, each with a word before it that tells
-/// whether it asks for links or distances.
+/// whether it asks for links or distances. With `slopes` also `task_observe_back`, `task_act_back` and `task_reward_back`, which add to
+/// gradients by the state, in its tangent space, by action and by torques what comes of those `by` what was said.
 ///
 /// # Errors
 /// Where a formula speaks of a number, a link or a point that there is not.
-pub fn written(task: &impl Formulas, system: &System) -> Result<String, String> {
+pub fn written(task: &impl Formulas, system: &System, slopes: bool) -> Result<String, String> {
     let (about, goals, joints) = (Formulas::about(task), task.goal().len(), system.robot.joint_count());
     let mut functions = String::new();
-    let mut function = |name: &str, given: &str, say: &dyn Fn(&mut Traced)| {
+    let mut function = |name: &str, (given, to, backward): (&str, &str, Option<&str>), say: &dyn Fn(&mut Recorded) -> Vec<Given>| {
         let tape = Tape::default();
-        say(&mut Traced { tape: &tape, system, goals });
+        let said = say(&mut Recorded::unknown(&tape, system, goals));
         if let Some(why) = tape.wrong.take() {
             return Err(format!("task `{}`, `{name}`: {why}", about.name));
         }
-        let asks = u8::from(tape.asks.get());
-        let _ = writeln!(functions, "#define {}_ASKS {asks}", name.to_uppercase());
-        let _ = writeln!(functions, "BIG void task_{name}(const Seen& s{given}) {{\n{}}}", tape.lines.borrow());
+        let (lines, asks) = tape.lines();
+        let _ = writeln!(functions, "#define {}_ASKS {}", name.to_uppercase(), u8::from(asks));
+        let _ = writeln!(functions, "BIG void task_{name}(const Seen& s{given}, double* {to}) {{\n{lines}");
+        said.iter().enumerate().for_each(|(k, x)| _ = writeln!(functions, "    {to}[{k}] = {x};"));
+        functions.push_str("}\n");
+        if let Some(backward) = backward.filter(|_| slopes) {
+            let traced = said.iter().map(|x| match *x {
+                Given::Known(x) => Traced::Number(x),
+                Given::Node(k) => Traced::Node(&tape, k),
+            });
+            let ends = back(&tape, &traced.collect::<Vec<_>>());
+            let (begin, end) =
+                if asks { ("    Wrench load[NL];\n    unload(load);\n", "    onto(s.work->tree, load, slope);\n") } else { ("", "") };
+            let (lines, _) = tape.lines();
+            let _ = writeln!(functions, "BIG void task_{name}_back(const Seen& s{given}, const double* by, double* slope{backward}) {{");
+            let _ = writeln!(
+                functions,
+                "    double by_state[NQ + NV] = {{}};\n{begin}{lines}{ends}{end}    numbers_back(s.state, by_state, slope);\n}}"
+            );
+        }
         Ok(())
     };
-    let list = |tape: &Tape, name: &str, numbers: &[Text]| {
-        numbers.iter().enumerate().for_each(|(k, x)| tape.say(&format!("{name}[{k}] = {x};")));
-    };
-    function("observe", ", double* out", &|sight| {
-        let mut out = vec![Text::Number(0.0); about.observation];
+    let given = |numbers: &[Traced]| numbers.iter().map(|x| x.given()).collect::<Vec<_>>();
+    function("observe", ("", "out", Some("")), &|sight| {
+        let mut out = vec![Traced::Number(0.0); about.observation];
         task.observe(sight, &mut out);
-        list(sight.tape, "out", &out);
+        given(&out)
     })?;
-    function("act", ", const double* action, double* torques", &|sight| {
-        let mut torques = vec![Text::Number(0.0); joints];
-        let action: Vec<_> = (0..about.action).map(|k| sight.tape.line(&format!("action[{k}]"))).collect();
+    function("act", (", const double* action", "torques", Some(", double* by_action")), &|sight| {
+        let mut torques = vec![Traced::Number(0.0); joints];
+        let action: Vec<_> = (0..about.action).map(|k| sight.tape.leaf(Leaf::Action(k), f64::NAN)).collect();
         task.act(sight, &action, &mut torques);
-        list(sight.tape, "torques", &torques);
+        given(&torques)
     })?;
-    function("reward", ", const double* torques, double* out", &|sight| {
-        let torques: Vec<_> = (0..joints).map(|k| sight.tape.line(&format!("torques[{k}]"))).collect();
-        let reward = task.reward(sight, &torques);
-        list(sight.tape, "out", &[reward]);
+    function("reward", (", const double* torques", "out", Some(", double* by_torques")), &|sight| {
+        let torques: Vec<_> = (0..joints).map(|k| sight.tape.leaf(Leaf::Torque(k), f64::NAN)).collect();
+        given(&[task.reward(sight, &torques)])
     })?;
-    function("over", ", double* out", &|sight| {
-        let over = task.over(sight);
-        list(sight.tape, "out", &[over]);
-    })?;
+    function("over", ("", "out", None), &|sight| given(&[task.over(sight)]))?;
     Ok(functions)
 }

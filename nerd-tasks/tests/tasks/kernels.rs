@@ -109,7 +109,7 @@ fn every_task_of_formulas_is_the_same_in_kernels() {
         let task = named(name).expect("a task");
         let system = System::named(task.robot()).expect("a robot");
         let colliders = system.scene(task.scene()).expect("a scene").colliders.len();
-        let text = match task.kernels(&system, colliders) {
+        let text = match task.kernels(&system, colliders, true) {
             Ok(text) => text,
             Err(why) => {
                 assert_eq!(name, "lead-tip", "{why}");
@@ -177,6 +177,6 @@ impl Formulas for Astray {
 #[test]
 fn a_formula_that_reaches_too_far_is_refused() {
     let system = System::named("cartpole").expect("a robot");
-    let said = written(&Astray, &system).expect_err("there are two coordinates");
+    let said = written(&Astray, &system, true).expect_err("there are two coordinates");
     assert_eq!(said, "task `astray`, `reward`: number 9 of 2 coordinates is asked for");
 }

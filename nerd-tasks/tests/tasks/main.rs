@@ -6,6 +6,7 @@ mod episodes;
 mod kernels;
 mod lead;
 mod rewards;
+mod slopes;
 
 use nerd_sim::prelude::*;
 use nerd_sim::system::Source;

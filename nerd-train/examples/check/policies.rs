@@ -95,7 +95,7 @@ pub fn policies(checks: &mut Checks) -> Outcome {
 pub fn tasks(checks: &mut Checks) -> Outcome {
     for name in names() {
         let task = named(name)?;
-        if task.kernels(&*System::named(task.robot())?, 1).is_ok() {
+        if task.kernels(&*System::named(task.robot())?, 1, false).is_ok() {
             let folder = Path::new("models").join(task.robot());
             task_alike(checks, name, &Arena::Model { folder, device: Device::Cuda })?;
             task_alike(checks, name, &Arena::Card(Setting::Implicit(4)))?;

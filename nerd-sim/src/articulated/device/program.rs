@@ -22,12 +22,13 @@ use crate::scene::Scene;
 use crate::system::System;
 use crate::system::capsules::{BARREL, Capsule};
 
-const KERNELS: [&str; 12] = [
+const KERNELS: [&str; 13] = [
     include_str!("linear.cuh"),
     include_str!("surface.cuh"),
     include_str!("walk.cuh"),
     include_str!("tree.cuh"),
     include_str!("locus.cuh"),
+    include_str!("slopes.cuh"),
     include_str!("along.cuh"),
     include_str!("touch.cuh"),
     include_str!("fold.cuh"),

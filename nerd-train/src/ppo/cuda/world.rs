@@ -62,7 +62,7 @@ impl World {
         let Some(resident) = solver.resident() else { return Ok(None) };
         let (n, system) = (batch.len(), &batch.system);
         let colliders = batch.scenes.iter().map(|scene| scene.colliders.len()).max().unwrap_or(0);
-        let text = task.kernels(system, colliders).map_err(StepError::Refused)?;
+        let text = task.kernels(system, colliders, false).map_err(StepError::Refused)?;
         resident.hold(batch)?;
         let memory = resident.memory();
         let Some((_, held)) = resident.held() else { return Err(StepError::Refused("no environments".into())) };

@@ -126,21 +126,6 @@ FN void apply_back(const double* state, const float* said, const double* behind,
 
 FN V3 three(const float* by, int k) { return v3(by[k] / SCALE[k], by[k + 1] / SCALE[k + 1], by[k + 2] / SCALE[k + 2]); }
 
-// Adds what wrenches on links do along each degree of freedom.
-FN void onto(const Tree& t, Wrench* load, double* slope) {
-    const M3 r = t.rotation[0];
-    const V3 o = t.position[0];
-    for (int i = NL - 1; i >= 0; i--) {
-        if (DOFS && i == 0) {
-            add3(slope, back(r, load[0].ang - cross(o, load[0].lin)));
-            add3(slope + 3, back(r, load[0].lin));
-        } else {
-            slope[DOF[i]] += dot(t.axis[i], load[i]);
-            if (PARENT[i] >= 0) load[PARENT[i]] = load[PARENT[i]] + load[i];
-        }
-    }
-}
-
 // Adds what poses of the joints above a link do to the velocity of its point at x, as slopes.rs.
 FN void quickened(const Tree& t, int link, V3 x, V3 along, double* slope) {
     const V3 velocity = at(t.velocity[link], x);
@@ -207,12 +192,7 @@ BIG void tell_back(const double* state, const double* scene, const float* by, do
         }
         // The nearest place follows the point along the surface.
         const V3 by_p1 = r * by_place, force = by_p1 + e.normal * (by_depth - dot(e.normal, by_p1));
-        load[link] = load[link] + wrench(cross(place, force), force);
-        if (LOCI && LOCUS[p] == 1) {
-            // The rim turns about its disc's axis, its deepest place does not.
-            const V3 axis = t.rotation[link] * read3(RIM + 6 * p);
-            load[link].ang = load[link].ang - axis * dot(axis, cross(place - middle(t, p), force));
-        }
+        push(t, p, place, force, load);
     }
     const V3 g = v3(scene[0], scene[1], scene[2]);
     const double length = norm(g);

@@ -1,0 +1,51 @@
+//! The way back through recorded formulas, for any kind of number: numbers give slopes, recorded ones the lines that find them.
+
+use super::Number;
+use super::tape::{Given, Leaf, Node};
+
+/// What a way back comes from and arrives at.
+pub(super) trait Ends<N> {
+    /// What a node says.
+    fn value(&self, node: usize) -> N;
+    /// A gradient by what was given.
+    fn leaf(&mut self, leaf: Leaf, by: N);
+    /// Gradients by the action of a call of the controller, from those by its torques.
+    fn controlled(&mut self, call: usize, by: &[N]) -> Vec<N>;
+}
+
+/// From gradients `seeds` by what was said to those by the leaves of `nodes`; `lists` are the actions of calls.
+pub(super) fn sweep<N: Number>(nodes: &[Node], lists: &[Vec<Given>], seeds: &[(Given, N)], ends: &mut impl Ends<N>) {
+    let mut by: Vec<Option<N>> = vec![None; nodes.len()];
+    let add = |by: &mut Vec<Option<N>>, at: Given, g: N| {
+        if let Given::Node(k) = at {
+            by[k] = Some(by[k].map_or(g, |sum| sum + g));
+        }
+    };
+    seeds.iter().for_each(|(at, g)| add(&mut by, *at, *g));
+    for k in (0..nodes.len()).rev() {
+        match (nodes[k], by[k]) {
+            // The torques of a call come one after the other; this is the last of them on the way back.
+            (Node::Leaf(Leaf::Controlled { call, i: 0 }), _) => {
+                let of = &by[k..k + lists[call].len()];
+                if of.iter().any(Option::is_some) {
+                    let of: Vec<N> = of.iter().map(|g| g.unwrap_or(N::from(0.0))).collect();
+                    let by_action = ends.controlled(call, &of);
+                    lists[call].iter().zip(by_action).for_each(|(at, g)| add(&mut by, *at, g));
+                }
+            }
+            (Node::Leaf(leaf), Some(g)) => ends.leaf(leaf, g),
+            (Node::Made(f, both), Some(g)) => {
+                let [a, b] = both.map(|of| match of {
+                    Given::Known(x) => N::from(x),
+                    Given::Node(k) => ends.value(k),
+                });
+                for (at, slope) in both.into_iter().zip(f.slopes(a, b, ends.value(k))) {
+                    if let (Some(slope), Given::Node(_)) = (slope, at) {
+                        add(&mut by, at, g * slope);
+                    }
+                }
+            }
+            _ => (),
+        }
+    }
+}

@@ -1,0 +1,246 @@
+//! Formulas as a record: every operation is a node, of which values, slopes and text are made.
+
+use std::cell::RefCell;
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+use super::Number;
+
+/// A number that a formula is given.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Leaf {
+    /// Number k of the state.
+    State(usize),
+    /// Of the goal.
+    Goal(usize),
+    /// Of the action.
+    Action(usize),
+    /// Of the torques of the last frame.
+    Torque(usize),
+    /// Of the gradient that a way back begins with.
+    By(usize),
+    /// A coordinate of a point of a link, given in its own axes.
+    Place { link: usize, local: [f64; 3], axis: usize },
+    /// How far a contact point is from the scene.
+    Distance(usize),
+    /// Torque i of a call of the controller, one after the other.
+    Controlled { call: usize, i: usize },
+    /// Gradient by number i of the action of a call, `by` its torques.
+    Pushed { call: usize, by: usize, i: usize },
+}
+
+/// What a node makes of two numbers; the second is nothing to some.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Function {
+    Add,
+    Sub,
+    Mul,
+    Div,
+    Neg,
+    Sqrt,
+    Exp,
+    Abs,
+    Max,
+    Min,
+    Wrap,
+    Below,
+}
+
+/// Where a root is steeper than this its slope is held: that of a distance has none at 0.
+const STEEPEST: f64 = 1e12;
+
+impl Function {
+    pub fn of<N: Number>(self, a: N, b: N) -> N {
+        match self {
+            Self::Add => a + b,
+            Self::Sub => a - b,
+            Self::Mul => a * b,
+            Self::Div => a / b,
+            Self::Neg => -a,
+            Self::Sqrt => a.sqrt(),
+            Self::Exp => a.exp(),
+            Self::Abs => a.abs(),
+            Self::Max => a.max(b),
+            Self::Min => a.min(b),
+            Self::Wrap => a.wrap(),
+            Self::Below => a.below(b),
+        }
+    }
+
+    /// Slopes by both numbers, y being what is made of them; none where nothing depends on one. Where two are equal the first is the larger
+    /// and the smaller one.
+    pub fn slopes<N: Number>(self, a: N, b: N, y: N) -> [Option<N>; 2] {
+        let one = N::from(1.0);
+        match self {
+            Self::Add => [Some(one), Some(one)],
+            Self::Sub => [Some(one), Some(-one)],
+            Self::Mul => [Some(b), Some(a)],
+            Self::Div => [Some(one / b), Some(-y / b)],
+            Self::Neg => [Some(-one), None],
+            Self::Sqrt => [Some((N::from(0.5) / y).min(N::from(STEEPEST))), None],
+            Self::Exp => [Some(y), None],
+            Self::Abs => [Some(one - N::from(2.0) * a.below(N::from(0.0))), None],
+            Self::Max => [Some(one - a.below(b)), Some(a.below(b))],
+            Self::Min => [Some(one - b.below(a)), Some(b.below(a))],
+            Self::Wrap => [Some(one), None],
+            Self::Below => [None, None],
+        }
+    }
+}
+
+/// A number that is known, or one of a node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Given {
+    Known(f64),
+    Node(usize),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Node {
+    Leaf(Leaf),
+    Made(Function, [Given; 2]),
+}
+
+/// The nodes so far, each with its value where those of leaves are known.
+#[derive(Debug, Default)]
+pub struct Tape {
+    pub(super) nodes: RefCell<Vec<(Node, f64)>>,
+    /// Actions of calls of the controller, and gradients by their torques.
+    pub(super) lists: RefCell<Vec<Vec<Given>>>,
+    /// What reaches too far.
+    pub(super) wrong: RefCell<Option<String>>,
+}
+
+impl Tape {
+    fn push(&self, node: Node, value: f64) -> Traced<'_> {
+        let mut nodes = self.nodes.borrow_mut();
+        nodes.push((node, value));
+        Traced::Node(self, nodes.len() - 1)
+    }
+
+    pub(super) fn leaf(&self, leaf: Leaf, value: f64) -> Traced<'_> {
+        self.push(Node::Leaf(leaf), value)
+    }
+
+    /// Keeps a list; its number.
+    pub(super) fn list(&self, numbers: &[Traced]) -> usize {
+        let mut lists = self.lists.borrow_mut();
+        lists.push(numbers.iter().map(|x| x.given()).collect());
+        lists.len() - 1
+    }
+
+    /// Whether number k of so many is one of them.
+    pub(super) fn among(&self, what: &str, k: usize, count: usize) {
+        if k >= count {
+            self.wrong.borrow_mut().get_or_insert_with(|| format!("number {k} of {count} {what} is asked for"));
+        }
+    }
+}
+
+/// A number of a formula that is recorded.
+#[derive(Clone, Copy, Debug)]
+pub enum Traced<'a> {
+    /// Known beforehand.
+    Number(f64),
+    /// Of this node.
+    Node(&'a Tape, usize),
+}
+
+impl From<f64> for Traced<'_> {
+    fn from(x: f64) -> Self {
+        Self::Number(x)
+    }
+}
+
+impl<'a> Traced<'a> {
+    pub(super) fn given(self) -> Given {
+        match self {
+            Self::Number(x) => Given::Known(x),
+            Self::Node(_, k) => Given::Node(k),
+        }
+    }
+
+    pub(super) fn value(self) -> f64 {
+        match self {
+            Self::Number(x) => x,
+            Self::Node(tape, k) => tape.nodes.borrow()[k].1,
+        }
+    }
+
+    fn made(self, f: Function, other: Self) -> Self {
+        let value = f.of(self.value(), other.value());
+        match (f, self, other) {
+            (_, Self::Number(_), Self::Number(_)) => Self::Number(value),
+            (Function::Mul, Self::Number(1.0), x) | (Function::Mul, x, Self::Number(1.0)) => x,
+            (_, Self::Node(tape, _), _) | (_, _, Self::Node(tape, _)) => tape.push(Node::Made(f, [self.given(), other.given()]), value),
+        }
+    }
+
+    fn alone(self, f: Function) -> Self {
+        self.made(f, Self::Number(0.0))
+    }
+}
+
+impl Add for Traced<'_> {
+    type Output = Self;
+    fn add(self, other: Self) -> Self {
+        self.made(Function::Add, other)
+    }
+}
+
+impl Sub for Traced<'_> {
+    type Output = Self;
+    fn sub(self, other: Self) -> Self {
+        self.made(Function::Sub, other)
+    }
+}
+
+impl Mul for Traced<'_> {
+    type Output = Self;
+    fn mul(self, other: Self) -> Self {
+        self.made(Function::Mul, other)
+    }
+}
+
+impl Div for Traced<'_> {
+    type Output = Self;
+    fn div(self, other: Self) -> Self {
+        self.made(Function::Div, other)
+    }
+}
+
+impl Neg for Traced<'_> {
+    type Output = Self;
+    fn neg(self) -> Self {
+        self.alone(Function::Neg)
+    }
+}
+
+impl Number for Traced<'_> {
+    fn sqrt(self) -> Self {
+        self.alone(Function::Sqrt)
+    }
+
+    fn exp(self) -> Self {
+        self.alone(Function::Exp)
+    }
+
+    fn abs(self) -> Self {
+        self.alone(Function::Abs)
+    }
+
+    fn max(self, other: Self) -> Self {
+        self.made(Function::Max, other)
+    }
+
+    fn min(self, other: Self) -> Self {
+        self.made(Function::Min, other)
+    }
+
+    fn wrap(self) -> Self {
+        self.alone(Function::Wrap)
+    }
+
+    fn below(self, other: Self) -> Self {
+        self.made(Function::Below, other)
+    }
+}

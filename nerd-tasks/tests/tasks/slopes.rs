@@ -1,0 +1,170 @@
+//! Slopes of every task that is written in formulas: on the CPU against central differences, in kernels against the CPU.
+
+use nerd_core::tangent::moved;
+use nerd_sim::articulated::device::{Reach, record};
+use nerd_sim::prelude::*;
+use nerd_tasks::formula::{Formulas, Number, Sight};
+use nerd_tasks::{About, Task, View, Work, named, names};
+
+use crate::cpp::Compiler;
+use crate::{actions, episodes};
+
+const N: usize = 12;
+
+/// Numbers about 0, always the same.
+fn some(n: usize, seed: usize) -> Vec<f64> {
+    (0..n).map(|k| (1.7 * (k + 31 * seed) as f64 + 0.3).sin()).collect()
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Largest difference as a share of the largest expected number; what is not a number is the worst.
+fn apart(found: &[f64], expected: &[f64]) -> f64 {
+    let largest = expected.iter().fold(1e-6, |most: f64, x| most.max(x.abs()));
+    let off = found.iter().zip(expected).map(|(a, b)| (a - b).abs() / largest);
+    off.fold(0.0, |most, x| if x > most || x.is_nan() { x } else { most })
+}
+
+/// Where a task is looked at.
+struct Place {
+    state: Vec<f64>,
+    goal: Vec<f64>,
+    action: Vec<f64>,
+    torques: Vec<f64>,
+    by: [Vec<f64>; 3],
+}
+
+/// Slopes by the state of observation, act and reward, by action and by torques.
+fn slopes(task: &dyn Task, scene: &Scene, work: &mut Work, at: &Place) -> [Vec<f64>; 5] {
+    let (robot, slopes) = (work.system.robot.clone(), task.slopes().expect("formulas"));
+    let [seen, tau, reward] = &at.by;
+    let mut found = [2 * robot.nv(), 2 * robot.nv(), 2 * robot.nv(), at.action.len(), at.torques.len()].map(|n| vec![0.0; n]);
+    let [of_seen, of_act, of_reward, by_action, by_torques] = &mut found;
+    let view = View { state: &at.state, goal: &at.goal, scene };
+    slopes.observe_back(view, work, seen, of_seen);
+    slopes.act_back(view, &at.action, work, tau, of_act, by_action);
+    slopes.reward_back(view, &at.torques, work, reward[0], of_reward, by_torques);
+    found
+}
+
+/// The same products by central differences. The law of ANYmal looks ahead with mass matrix and bias that count as constant, so what it makes
+/// of the state is left out.
+fn differences(task: &dyn Task, scene: &Scene, work: &mut Work, at: &Place, held: bool) -> [Vec<f64>; 5] {
+    let robot = work.system.robot.clone();
+    let Place { state, goal, action, torques, by: [seen, tau, reward] } = at;
+    let (d, joints, h) = (2 * robot.nv(), torques.len(), 1e-6);
+    let mut said = |state: &[f64], action: &[f64], torques: &[f64]| {
+        let (view, mut out, mut acts) = (View { state, goal, scene }, vec![0.0; seen.len()], vec![0.0; joints]);
+        task.observe(view, work, &mut out);
+        task.act(view, action, work, &mut acts);
+        [dot(&out, seen), dot(&acts, tau), reward[0] * task.reward(view, torques, work)]
+    };
+    let mut slope = |n: usize, which: usize, change: &dyn Fn(usize, f64) -> [Vec<f64>; 3]| -> Vec<f64> {
+        let mut at = |k, h| {
+            let [state, action, torques] = change(k, h);
+            said(&state, &action, &torques)[which]
+        };
+        (0..n).map(|k| (at(k, h) - at(k, -h)) / (2.0 * h)).collect()
+    };
+    let pushed = |of: &[f64], k: usize, by: f64| of.iter().enumerate().map(|(i, x)| x + if i == k { by } else { 0.0 }).collect::<Vec<_>>();
+    let by_state = |k: usize, by: f64| {
+        let (mut to, mut change) = (state.clone(), vec![0.0; d]);
+        change[k] = by;
+        moved(&robot, state, &change, &mut to);
+        [to, action.clone(), torques.clone()]
+    };
+    let acts = if held { Vec::new() } else { slope(d, 1, &by_state) };
+    let by_action = slope(action.len(), 1, &|k, by| [state.clone(), pushed(action, k, by), torques.clone()]);
+    let by_torques = slope(joints, 2, &|k, by| [state.clone(), action.clone(), pushed(torques, k, by)]);
+    [slope(d, 0, &by_state), acts, slope(d, 2, &by_state), by_action, by_torques]
+}
+
+/// Asks for what no task is rewarded for: distances and places at once, in roots, quotients and choices.
+struct Near;
+
+impl Formulas for Near {
+    fn about(&self) -> About {
+        About { name: "near", robot: "ant", scene: "ground", observation: 4, action: 8, steps: 10, frames: 1 }
+    }
+
+    fn observe<N: Number>(&self, sight: &mut impl Sight<N>, out: &mut [N]) {
+        let ([x, y, z], gap) = (sight.place(2, [0.1, 0.2, -0.3]), sight.distance(1));
+        let (one, other) = (x.abs() * sight.qd(3), sight.q(4) / (one_and(y) + gap.squared()));
+        out.copy_from_slice(&[one.max(other), one.min(other), (gap.squared() + z.squared()).sqrt(), gap.wrap() - sight.distance(0)]);
+    }
+
+    fn act<N: Number>(&self, sight: &mut impl Sight<N>, action: &[N], torques: &mut [N]) {
+        sight.controlled(action, torques);
+        torques.iter_mut().zip(0..).for_each(|(tau, k)| *tau = *tau * sight.q(3) + sight.qd(k).exp());
+    }
+
+    fn reward<N: Number>(&self, sight: &mut impl Sight<N>, torques: &[N]) -> N {
+        sight.distance(0) * torques[1] + sight.place(3, [0.0; 3])[1]
+    }
+}
+
+fn one_and<N: Number>(x: N) -> N {
+    N::from(1.0) + x.squared()
+}
+
+#[test]
+fn slopes_of_every_task_are_those_of_differences_and_of_kernels() {
+    let (compiler, mut count) = (Compiler::find(), 0);
+    let built_in = names().into_iter().map(|name| (name, named(name).expect("registered")));
+    for (name, task) in built_in.chain([("ant-run", Box::new(Near) as Box<dyn Task>)]) {
+        if task.slopes().is_none() {
+            assert_eq!(name, "lead-tip", "without slopes");
+            continue;
+        }
+        let mut played = episodes(name, "articulated", N);
+        let (system, name) = (played.simulation.batch.system.clone(), task.name());
+        (0..20).for_each(|step| _ = played.step(&actions(&played, step)).expect("finite"));
+        let (scene, mut work) = (played.simulation.batch.scenes[0].clone(), Work::new(&system));
+        let (joints, wide) = (system.robot.joint_count(), 2 * system.robot.nv());
+        let place = |env: usize| Place {
+            state: played.view(env).state.to_vec(),
+            goal: played.view(env).goal.to_vec(),
+            action: some(task.action_dim(), env).iter().map(|a| 0.9 * a).collect(),
+            torques: some(joints, 7 * env).iter().map(|t| 20.0 * t).collect(),
+            by: [task.observation_dim(), joints, 1].map(|n| some(n, 3 + env)),
+        };
+        let places: Vec<Place> = (0..N).map(place).collect();
+        let held = system.spec.control.is_some_and(|law| law.ahead);
+        let (mut off, mut all) = ([0.0f64; 5], Vec::new());
+        for at in &places {
+            let found = slopes(&*task, &scene, &mut work, at);
+            let expected = differences(&*task, &scene, &mut work, at, held);
+            off.iter_mut().zip(found.iter().zip(&expected)).for_each(|(off, (a, b))| *off = off.max(apart(&a[..b.len()], b)));
+            all.extend(found.concat());
+        }
+        println!("{name}: observation, act, reward by the state, act by action, reward by torques: {off:?} off");
+        assert!(off.iter().all(|off| *off < 1e-6), "{name}: {off:?}");
+        count += 1;
+
+        let Some(compiler) = &compiler else { continue };
+        let text = task.kernels(&system, scene.colliders.len(), true).expect("kernels") + include_str!("back.cuh");
+        let config = ArticulatedConfig::implicit(1, Friction::Coulomb);
+        let scene = record(&scene, &system, &config, Reach::of(&played.simulation.batch)).expect("a scene with kernels");
+        let column = |of: &dyn Fn(&Place) -> &Vec<f64>| places.iter().flat_map(|at| of(at).clone()).collect::<Vec<f64>>();
+        let columns = [
+            column(&|at| &at.state),
+            column(&|at| &at.goal),
+            column(&|at| &at.action),
+            column(&|at| &at.torques),
+            column(&|at| &at.by[0]),
+            column(&|at| &at.by[1]),
+            column(&|at| &at.by[2]),
+            scene,
+        ];
+        let input = (N as i32).to_le_bytes().into_iter().chain(columns.concat().into_iter().flat_map(f64::to_le_bytes));
+        let output = compiler.run(&text, input.collect());
+        let kernels: Vec<f64> = output.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect();
+        assert_eq!(kernels.len(), N * (3 * wide + task.action_dim() + joints));
+        let off = apart(&kernels, &all);
+        println!("{name}: kernels {off:.1e} off");
+        assert!(off < 1e-12, "{name}: kernels {off:.1e} off");
+    }
+    assert_eq!(count, 9, "tasks with slopes");
+}
