@@ -59,6 +59,14 @@ impl<S: Solver> Solver for Timed<S> {
         self.solver.reset(env);
     }
 
+    fn remembered(&self, env: usize) -> Result<Vec<f64>, StepError> {
+        self.solver.remembered(env)
+    }
+
+    fn recall(&mut self, env: usize, memory: &[f64]) -> Result<(), StepError> {
+        self.solver.recall(env, memory)
+    }
+
     fn capabilities(&self) -> Capabilities {
         self.solver.capabilities()
     }
@@ -92,6 +100,14 @@ impl<S: Solver> Solver for Recorder<S> {
 
     fn reset(&mut self, env: usize) {
         self.solver.reset(env);
+    }
+
+    fn remembered(&self, env: usize) -> Result<Vec<f64>, StepError> {
+        self.solver.remembered(env)
+    }
+
+    fn recall(&mut self, env: usize, memory: &[f64]) -> Result<(), StepError> {
+        self.solver.recall(env, memory)
     }
 
     fn capabilities(&self) -> Capabilities {
@@ -129,6 +145,14 @@ impl<S: Solver> Solver for Shaken<S> {
 
     fn reset(&mut self, env: usize) {
         self.solver.reset(env);
+    }
+
+    fn remembered(&self, env: usize) -> Result<Vec<f64>, StepError> {
+        self.solver.remembered(env)
+    }
+
+    fn recall(&mut self, env: usize, memory: &[f64]) -> Result<(), StepError> {
+        self.solver.recall(env, memory)
     }
 
     fn capabilities(&self) -> Capabilities {

@@ -28,6 +28,23 @@ pub trait Solver: Send {
     /// Clears what is remembered of an environment.
     fn reset(&mut self, _env: usize) {}
 
+    /// What it remembers of an environment, as numbers for [`Self::recall`]; empty if its next frame depends on none before.
+    ///
+    /// # Errors
+    /// [`StepError::Refused`] where memory cannot be told.
+    fn remembered(&self, _env: usize) -> Result<Vec<f64>, StepError> {
+        Ok(Vec::new())
+    }
+
+    /// Remembers of an environment what was [`Self::remembered`] of it, or of another one, in place of what it does now.
+    ///
+    /// # Errors
+    /// If those are not such numbers, or no batch with this environment has been stepped yet.
+    fn recall(&mut self, env: usize, _memory: &[f64]) -> Result<(), StepError> {
+        self.reset(env);
+        Ok(())
+    }
+
     /// What it can do beside stepping states.
     fn capabilities(&self) -> Capabilities {
         Capabilities::default()
@@ -57,6 +74,14 @@ impl<S: Solver + ?Sized> Solver for Box<S> {
 
     fn reset(&mut self, env: usize) {
         (**self).reset(env);
+    }
+
+    fn remembered(&self, env: usize) -> Result<Vec<f64>, StepError> {
+        (**self).remembered(env)
+    }
+
+    fn recall(&mut self, env: usize, memory: &[f64]) -> Result<(), StepError> {
+        (**self).recall(env, memory)
     }
 
     fn capabilities(&self) -> Capabilities {
@@ -99,5 +124,18 @@ impl Simulation {
     pub fn reset(&mut self, env: usize, state: &[f64]) {
         self.batch.reset(env, state);
         self.solver.reset(env);
+    }
+
+    /// Makes environment `to` a copy of `from`, with what the solver remembers of it: under the same torques both go on alike.
+    ///
+    /// # Errors
+    /// As [`Solver::remembered`].
+    ///
+    /// # Panics
+    /// If there is no such environment.
+    pub fn fork(&mut self, from: usize, to: usize) -> Result<(), StepError> {
+        self.batch.fork(from, to);
+        let memory = self.solver.remembered(from)?;
+        self.solver.recall(to, &memory)
     }
 }

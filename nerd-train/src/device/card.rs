@@ -84,6 +84,17 @@ impl Solver for WithFallback {
         }
     }
 
+    fn remembered(&self, env: usize) -> Result<Vec<f64>, StepError> {
+        self.fallback.as_ref().map_or_else(|| self.whole.remembered(env), |fallback| fallback.remembered(env))
+    }
+
+    fn recall(&mut self, env: usize, memory: &[f64]) -> Result<(), StepError> {
+        match &mut self.fallback {
+            Some(fallback) => fallback.recall(env, memory),
+            None => self.whole.recall(env, memory),
+        }
+    }
+
     fn capabilities(&self) -> Capabilities {
         self.fallback.as_ref().map_or_else(|| self.whole.capabilities(), |fallback| fallback.capabilities())
     }

@@ -134,6 +134,10 @@ impl Motion for Frames {
         self.made.as_ref().map_or(Ok(()), |made| made.go(held))
     }
 
+    fn remembers(&self) -> bool {
+        self.model.config.network.reach() > 1
+    }
+
     fn reset(&mut self, env: usize) {
         if let Some(next) = self.made.as_mut().and_then(|made| made.next.get_mut(env)) {
             *next = u64::MAX;

@@ -87,6 +87,10 @@ impl Stream for CudaStream {
         Ok(self.frame(tokens, out)?)
     }
 
+    fn remembered(&self, _env: usize) -> Result<Vec<f64>, ForwardError> {
+        Err(ForwardError { message: "what this network remembers stays on the card: fork it on the CPU".into() })
+    }
+
     fn clear(&mut self, env: usize) {
         if let Some(taken) = self.taken.1.get_mut(env) {
             *taken = 0;
