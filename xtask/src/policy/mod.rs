@@ -1,8 +1,5 @@
 //! `cargo xtask policy train|co-train|evaluate|show`: policies trained on any solver, played on any other.
 
-use std::path::PathBuf;
-
-use anyhow::Result;
 use nerd_lab::cotrain::{CoTrainConfig, co_train};
 use nerd_lab::experiments::policies::Policies;
 use nerd_train::ppo::{Learned, PolicyRun, folder};
@@ -13,7 +10,8 @@ mod arena;
 use arena::ArenaArgs;
 
 use crate::measure::Conduct;
-use crate::options::{Keys, Number, Positive, SEEDS, Whole, value};
+use crate::options::{Number, SEEDS};
+use crate::prelude::*;
 use crate::{out, ranks};
 
 #[derive(clap::Args, Clone, Debug)]

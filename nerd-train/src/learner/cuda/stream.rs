@@ -1,13 +1,6 @@
 //! [`CudaStream`]: one token of every environment a frame, keys and values of the last ones kept on the device.
 
-use nerd_cuda::{Buffer, DeviceError, Replay};
-use nerd_model::program::Op;
-use nerd_model::transformer::{ForwardError, Stream, Weights};
-
-use super::Precision;
-use super::network::Network;
-use super::plan::Plan;
-use crate::learner::LearnError;
+use super::*;
 
 /// Inference with memory on this process's GPU: every frame computes the token of every environment in one graph.
 /// Tokens `[env][padded]` are in slot 0 before a pass; whoever makes one without [`Stream::push`] counts them.
