@@ -1,8 +1,5 @@
 //! Planners: actions found by looking ahead in a model, or in the truth's own method at few substeps, and acted in the truth; beside a policy.
 
-use std::time::{Duration, Instant};
-
-use nerd_sim::solver::StepError;
 use nerd_tasks::Episodes;
 use nerd_tasks::plan::{Mppi, MppiConfig, Planner};
 use nerd_train::ppo::{Actor, Game, folder, plan, play};
