@@ -77,26 +77,15 @@ impl Solver for WithFallback {
         done
     }
 
-    fn reset(&mut self, env: usize) {
+    fn inner(&self) -> Option<&dyn Solver> {
+        self.fallback.as_deref().map_or_else(|| Some(&*self.whole as &dyn Solver), |fallback| Some(fallback))
+    }
+
+    fn inner_mut(&mut self) -> Option<&mut dyn Solver> {
         match &mut self.fallback {
-            Some(fallback) => fallback.reset(env),
-            None => self.whole.reset(env),
+            Some(fallback) => Some(&mut **fallback),
+            None => Some(&mut *self.whole),
         }
-    }
-
-    fn remembered(&self, env: usize) -> Result<Vec<f64>, StepError> {
-        self.fallback.as_ref().map_or_else(|| self.whole.remembered(env), |fallback| fallback.remembered(env))
-    }
-
-    fn recall(&mut self, env: usize, memory: &[f64]) -> Result<(), StepError> {
-        match &mut self.fallback {
-            Some(fallback) => fallback.recall(env, memory),
-            None => self.whole.recall(env, memory),
-        }
-    }
-
-    fn capabilities(&self) -> Capabilities {
-        self.fallback.as_ref().map_or_else(|| self.whole.capabilities(), |fallback| fallback.capabilities())
     }
 
     fn resident(&mut self) -> Option<&mut dyn Resident> {
