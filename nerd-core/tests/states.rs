@@ -9,7 +9,9 @@ mod common;
 use std::f64::consts::{PI, TAU};
 
 use common::*;
-use nerd_core::state::wrap_state;
+use nalgebra::UnitQuaternion;
+use nerd_core::prelude::*;
+use nerd_core::state::{quaternion, vector, wrap_state, write_quaternion};
 
 /// What is at the world's origin moves with the twist, the root's own origin with the local velocity.
 #[test]

@@ -8,6 +8,7 @@ use std::alloc::{GlobalAlloc, Layout, System as Heap};
 use std::cell::Cell;
 
 use common::*;
+use nerd_sim::prelude::*;
 
 struct Counting;
 

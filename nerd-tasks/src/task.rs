@@ -163,7 +163,7 @@ pub trait Task: Send + Sync {
 /// Vector-Jacobian products of a task: gradients by what it says become gradients by the state, in its tangent space
 /// ([`nerd_core::tangent`]), by action and by torques, and are added up. Goals, which contact points are nearest to what, and under a
 /// position law that looks ahead the robot's mass matrix and bias count as constant.
-pub trait Slopes {
+pub trait Slopes: Send + Sync {
     /// Of [`Task::observe`].
     fn observe_back(&self, view: View, work: &mut Work, by: &[f64], slope: &mut [f64]);
 

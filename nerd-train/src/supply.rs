@@ -6,6 +6,7 @@
 
 use std::sync::mpsc::{Receiver, sync_channel};
 
+use nerd_model::form::Form;
 use nerd_sim::dataset::DatasetError;
 
 use crate::prelude::*;

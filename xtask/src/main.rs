@@ -29,7 +29,6 @@ mod measure;
 mod options;
 mod out;
 mod policy;
-mod prelude;
 mod ranks;
 mod refusals;
 mod report;

@@ -1,11 +1,15 @@
 //! Options that name and configure a solver, and their valid combinations.
 
-use anyhow::anyhow;
+use std::path::PathBuf;
+
+use anyhow::{Result, anyhow};
+use nerd_lab::choice::Choice;
 use nerd_model::pick::Setting;
+use nerd_sim::prelude::*;
+use nerd_train::device::Device;
 use nerd_train::shipped;
 
-use crate::options::{MODELS, SUBSTEPS, TRUTHS};
-use crate::prelude::*;
+use crate::options::{MODELS, Positive, SUBSTEPS, TRUTHS, Whole, unused, value, word};
 
 #[derive(clap::Args, Clone, Debug, Default)]
 pub struct SolverArgs {

@@ -10,7 +10,6 @@
 //! `(w_dot, p_ddot - w x p_dot)`.
 
 mod aba;
-mod adjoint;
 mod crba;
 mod data;
 mod derivatives;
@@ -32,8 +31,6 @@ pub use totals::{Totals, totals};
 
 #[doc(hidden)]
 pub use aba::aba;
-#[doc(hidden)]
-pub use adjoint::{Adjoint, motions, motions_back, onto};
 #[doc(hidden)]
 pub use crba::crba;
 #[doc(hidden)]

@@ -6,6 +6,7 @@
 
 use super::common::*;
 use nerd_core::dynamics::Factor;
+use nerd_core::prelude::*;
 
 const BOUND: f64 = 1e-10;
 

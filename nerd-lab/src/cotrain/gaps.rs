@@ -1,6 +1,7 @@
 //! What the policies of a round earn, in its model and in the truth.
 
 use nerd_train::ppo::PolicyRun;
+use serde::de::DeserializeOwned;
 
 use crate::experiments::games::{Compared, games, policy_of};
 use crate::prelude::*;

@@ -1,5 +1,7 @@
 //! The loop's plan from its settings: checks, first model, identity.
 
+use std::time::Instant;
+
 use nerd_tasks::named;
 use nerd_train::bounds::UPDATES;
 use nerd_train::difference::between;

@@ -9,7 +9,6 @@ pub mod judges;
 pub mod learned;
 pub mod motions;
 pub mod passive;
-pub mod plans;
 pub mod policies;
 pub mod registry;
 pub mod stability;

@@ -3,6 +3,8 @@
 mod python;
 mod referee;
 mod solver;
+mod state;
 
-pub use referee::{Referee, Scheme, from_mujoco, to_mujoco};
+pub use referee::{Referee, Scheme};
 pub use solver::Mujoco;
+pub use state::{from_mujoco, to_mujoco};

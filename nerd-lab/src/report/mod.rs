@@ -10,6 +10,8 @@ mod table;
 
 use std::io;
 
+use serde::de::DeserializeOwned;
+
 use crate::error;
 use crate::prelude::*;
 

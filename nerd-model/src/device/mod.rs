@@ -41,7 +41,17 @@ pub fn program(form: Form, normalizer: &Normalizer, system: &Arc<System>, real: 
     token_functions(form, normalizer, system, real, colliders) + include_str!("tokens_frame.cuh")
 }
 
-/// The same without its kernels: `tell` and `apply`, for other kernels.
+/// In 64 bits, a frame and its way back as the kernels `slopes_look`, `slopes_said` and `slopes_back`, with the network between them.
+pub fn slope_program(form: Form, normalizer: &Normalizer, system: &Arc<System>, colliders: usize) -> String {
+    slope_functions(form, normalizer, system, colliders) + include_str!("slopes_frame.cuh")
+}
+
+/// The same without its kernels: `tell`, `advance`, `said_back` and `frame_back`, for other kernels.
+pub fn slope_functions(form: Form, normalizer: &Normalizer, system: &Arc<System>, colliders: usize) -> String {
+    token_functions(form, normalizer, system, Real::F64, colliders) + include_str!("tokens_back.cuh")
+}
+
+/// What surrounds the network without its kernels: `tell` and `apply`, for other kernels.
 pub fn token_functions(form: Form, normalizer: &Normalizer, system: &Arc<System>, real: Real, colliders: usize) -> String {
     let robot = &system.robot;
     let mut text = functions(system, &settings(), real, Reach { colliders, ..Reach::default() });

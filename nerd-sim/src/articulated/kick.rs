@@ -28,9 +28,8 @@ pub(super) struct Substep<'a> {
     pub(super) system: &'a System,
     pub(super) scene: &'a Scene,
     pub(super) config: &'a ArticulatedConfig,
-    /// See [`SETTLED`] and [`PASSES`].
+    /// See [`SETTLED`].
     pub(super) settled: f64,
-    pub(super) passes: usize,
     pub(super) tau: &'a [f64],
     /// The frame's substep (s), and this one, which may be a half of it.
     pub(super) whole: f64,
@@ -52,10 +51,7 @@ impl Workspace {
         }
         let mut turn = Vector3::zeros();
         let (mut stale, mut correct, mut corrected, mut quiet, mut found) = (true, first, false, false, true);
-        if let Some(kept) = &mut self.kept {
-            kept.stages.clear();
-        }
-        for pass in 0..own.passes {
+        for pass in 0..PASSES {
             let Touches { touches, middle, rate, right, pull, braked, .. } = &mut self.touches;
             if stale {
                 middle.iter_mut().zip(qd.iter().zip(rate.iter())).for_each(|(m, (v, a))| *m = v + 0.5 * h * a);
@@ -95,14 +91,10 @@ impl Workspace {
             if robot.floating() {
                 (0..3).for_each(|k| rate[3 + k] += turn[k]);
             }
-            let done = !changed && !correct;
-            stale = correct && !wait;
-            if let Some(kept) = self.kept.as_mut().filter(|_| done || stale || pass + 1 == own.passes) {
-                kept.stage(&self.touches, stale && pass == 0);
-            }
-            if done {
+            if !changed && !correct {
                 return Ok(true);
             }
+            stale = correct && !wait;
             correct &= wait;
             corrected |= stale;
         }

@@ -18,7 +18,6 @@ pub mod force;
 mod frame;
 mod implicit;
 mod kick;
-mod slopes;
 mod solver;
 mod stiff;
 mod touch;

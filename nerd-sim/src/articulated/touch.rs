@@ -15,7 +15,6 @@ pub(super) const CREEP: f64 = 1e-3;
 pub(super) const EVEN: f64 = 0.25;
 
 /// Something that acts within a substep, or will.
-#[derive(Clone)]
 pub(super) enum Touch {
     /// A point on a collider. It pushes, is damped while it approaches, and rubs.
     Contact(Contact),
@@ -28,7 +27,6 @@ pub(super) enum Touch {
 }
 
 /// A point on a collider: what it is, then what the substep makes of it.
-#[derive(Clone)]
 pub(super) struct Contact {
     /// Its number among points and colliders, and its point's.
     pub(super) index: usize,
@@ -40,8 +38,6 @@ pub(super) struct Contact {
     pub(super) columns: std::ops::Range<usize>,
     pub(super) material: Material,
     pub(super) normal: Vector3<f64>,
-    /// Its gap in the middle of the substep, and the mean of what is inside.
-    pub(super) middle: f64,
     pub(super) gap: f64,
     pub(super) velocity: Vector3<f64>,
     /// Its velocity at the start, when J was another: half a substep of `J_dot qd` off `velocity`, which J of the middle takes it for.
@@ -60,7 +56,6 @@ pub(super) struct Contact {
 }
 
 /// A spring and a damper of one joint.
-#[derive(Clone)]
 pub(super) struct Spring {
     /// Its number among all weights.
     pub(super) index: usize,
@@ -69,8 +64,7 @@ pub(super) struct Spring {
     pub(super) side: f64,
     pub(super) stiffness: f64,
     pub(super) damping: f64,
-    /// How far it is from rest in the middle of the substep, the mean of what is beyond, and how fast it leaves it.
-    pub(super) middle: f64,
+    /// How far it is from rest, and how fast it leaves it.
     pub(super) gap: f64,
     pub(super) rate: f64,
     /// Shares a of the spring and the damper.
@@ -78,7 +72,6 @@ pub(super) struct Spring {
 }
 
 /// A joint that rubs under a constant force, and always looks all the way ahead.
-#[derive(Clone)]
 pub(super) struct DryFriction {
     pub(super) joint: usize,
     /// Largest force (N m or N).
@@ -86,17 +79,6 @@ pub(super) struct DryFriction {
     pub(super) rate: f64,
     /// Drag (N m s/rad or N s/m).
     pub(super) across: f64,
-}
-
-impl Touch {
-    /// Its number among all weights, if it is weighed.
-    pub(super) fn index(&self) -> Option<usize> {
-        match self {
-            Self::Contact(contact) => Some(contact.index),
-            Self::Limit(spring) | Self::Drive { spring, .. } => Some(spring.index),
-            Self::Friction(_) => None,
-        }
-    }
 }
 
 impl Contact {
@@ -184,16 +166,11 @@ impl Spring {
 }
 
 impl DryFriction {
-    /// A contact's that would rub alike.
-    #[inline]
-    pub(super) fn material(&self) -> Material {
-        Material { stiffness: 0.0, damping: 0.0, friction_damping: self.most / CREEP, friction: 1.0 }
-    }
-
     /// Its drag at a rate of the joint.
     #[inline]
     pub(super) fn drag(&self, rate: f64, friction: Friction) -> f64 {
-        drag(self.most, rate.abs(), &self.material(), friction)
+        let material = Material { stiffness: 0.0, damping: 0.0, friction_damping: self.most / CREEP, friction: 1.0 };
+        drag(self.most, rate.abs(), &material, friction)
     }
 
     /// Its drag after a change of its rate; whether another solve is asked for.

@@ -1,5 +1,7 @@
 //! Drives inside the substeps: known motions, stability at any gain, efforts, velocities, and who refuses them.
 
+use nerd_sim::prelude::*;
+
 use super::common::*;
 
 const INERTIA: f64 = 0.25;

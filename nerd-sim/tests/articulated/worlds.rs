@@ -1,5 +1,6 @@
 //! Worlds: nearest of many colliders, inside and outside, against closed forms.
 
+use nerd_sim::prelude::*;
 use nerd_sim::scene::{WORLDS, hill};
 
 use super::common::*;

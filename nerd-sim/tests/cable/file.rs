@@ -1,4 +1,5 @@
-use nerd_sim::dataset::begin;
+use nerd_sim::dataset::{GenerateConfig, begin, record};
+use nerd_sim::prelude::*;
 
 use super::common::*;
 use super::{accurate, nodes};

@@ -1,8 +1,7 @@
 //! Systems, batches and motions shared by the tests.
-#![allow(dead_code, unused_imports)]
+#![allow(dead_code)]
 
-pub use nerd_sim::dataset::{GenerateConfig, record};
-pub use nerd_sim::prelude::*;
+use nerd_sim::prelude::*;
 
 /// A robot that is built in.
 pub fn built_in(name: &str) -> Arc<System> {

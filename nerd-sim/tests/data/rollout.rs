@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use nerd_sim::prelude::*;
 use nerd_sim::rollout::{RolloutError, States};
 
 use crate::common::*;

@@ -7,5 +7,4 @@ mod common;
 mod instruments;
 #[cfg(feature = "rapier")]
 mod rapier;
-mod slopes;
 mod suite;

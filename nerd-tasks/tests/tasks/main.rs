@@ -5,7 +5,6 @@ mod cpp;
 mod episodes;
 mod kernels;
 mod lead;
-mod plan;
 mod rewards;
 mod slopes;
 

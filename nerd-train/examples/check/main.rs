@@ -10,6 +10,7 @@
 
 mod inference;
 mod policies;
+mod slopes;
 mod solvers;
 mod training;
 mod with;
@@ -20,7 +21,7 @@ use with::{Checks, Outcome};
 type Part = (&'static str, fn(&mut Checks) -> Outcome);
 
 /// In order.
-const PARTS: [Part; 13] = [
+const PARTS: [Part; 14] = [
     ("operations", inference::operations),
     ("windows", inference::windows),
     ("streams", inference::streams),
@@ -32,6 +33,7 @@ const PARTS: [Part; 13] = [
     ("ranks", training::ranks),
     ("solvers", solvers::solvers),
     ("paces", solvers::paces),
+    ("slopes", slopes::slopes),
     ("policies", policies::policies),
     ("tasks", policies::tasks),
 ];

@@ -2,8 +2,9 @@
 
 use nerd_model::pick::Setting;
 use nerd_sim::articulated::device::{CudaArticulated, Real, Resident, Roll};
+use nerd_sim::solver::Slopes;
 
-use crate::learner::cuda::{self, Precision};
+use crate::learner::cuda::{self, CudaSlopes, Precision};
 use crate::prelude::*;
 
 /// A solver at one setting whose batch stays on a GPU.
@@ -23,11 +24,18 @@ pub(super) fn frames(
     precision: Precision,
     alone: impl FnOnce() -> Result<Box<dyn Solver>> + Send + 'static,
 ) -> Result<Box<dyn Solver>> {
-    let is_chain = model.config.network.architecture == Architecture::Chain;
+    let (is_chain, slopes) = (model.config.network.architecture == Architecture::Chain, SlopesOnCard { model: model.clone(), made: None });
     match cuda::resident(model, system, Real::F32, precision) {
         Ok(whole) => {
             let rest = if is_chain { "all is on the CPU" } else { "the network alone is on the card" };
-            Ok(Box::new(WithFallback { whole: Box::new(whole), stepped: false, alone: Some(Box::new(alone)), rest, fallback: None }))
+            Ok(Box::new(WithFallback {
+                whole: Box::new(whole),
+                stepped: false,
+                alone: Some(Box::new(alone)),
+                rest,
+                fallback: None,
+                slopes,
+            }))
         }
         Err(why) => {
             tell!("{why}");
@@ -50,6 +58,13 @@ struct WithFallback {
     /// What that is, in words.
     rest: &'static str,
     fallback: Option<Box<dyn Solver>>,
+    slopes: SlopesOnCard,
+}
+
+/// What finds a model's slopes, once it is asked for.
+struct SlopesOnCard {
+    model: Model,
+    made: Option<CudaSlopes>,
 }
 
 impl Solver for WithFallback {
@@ -77,15 +92,26 @@ impl Solver for WithFallback {
         done
     }
 
-    fn inner(&self) -> Option<&dyn Solver> {
-        self.fallback.as_deref().map_or_else(|| Some(&*self.whole as &dyn Solver), |fallback| Some(fallback))
+    fn reset(&mut self, env: usize) {
+        match &mut self.fallback {
+            Some(fallback) => fallback.reset(env),
+            None => self.whole.reset(env),
+        }
     }
 
-    fn inner_mut(&mut self) -> Option<&mut dyn Solver> {
-        match &mut self.fallback {
-            Some(fallback) => Some(&mut **fallback),
-            None => Some(&mut *self.whole),
+    fn back(&mut self, batch: &Batch, torques: &[f64], rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
+        if let Some(fallback) = &mut self.fallback {
+            return fallback.back(batch, torques, rows, by_next);
         }
+        let SlopesOnCard { model, made } = &mut self.slopes;
+        match made.take().filter(|made| made.fits(batch)).map_or_else(|| CudaSlopes::new(model, batch), Ok) {
+            Ok(fit) => made.insert(fit).back(batch, torques, rows, by_next),
+            Err(why) => Err(why),
+        }
+    }
+
+    fn capabilities(&self) -> Capabilities {
+        self.fallback.as_ref().map_or_else(|| self.whole.capabilities(), |fallback| fallback.capabilities())
     }
 
     fn resident(&mut self) -> Option<&mut dyn Resident> {

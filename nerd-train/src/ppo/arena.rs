@@ -12,7 +12,7 @@ use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
 use nerd_tasks::{Episodes, Task, named};
 
-use super::{PpoConfig, Trainer};
+use super::{Algorithm, PpoConfig, Shac, Trainer};
 use crate::device::Device;
 use crate::error::{Error, Result, refuse};
 #[cfg(feature = "cuda")]
@@ -101,7 +101,7 @@ impl Arena {
         self.part(named(task)?, 0..n, seed)
     }
 
-    /// Settings of a task: of a file, those called `small` or `paper`, or by what a step here costs.
+    /// Settings of a task by PPO: of a file, those called `small` or `paper`, or by what a step here costs.
     pub fn settings(&self, task: &str, recipe: Option<&str>, file: Option<&Path>) -> Result<PpoConfig> {
         if let Some(path) = file {
             let text = nerd_sim::files::read_text(path).map_err(Error::file(path))?;
@@ -120,6 +120,11 @@ impl Arena {
         let episodes = self.part(task, ranks.part(config.environments), seed)?;
         #[allow(unused_mut)]
         let mut trainer = Trainer::among(ranks, episodes, config, seed)?;
+        if trainer.config.algorithm == Algorithm::Shac {
+            let Trainer { episodes, config, state, .. } = &mut trainer;
+            trainer.engine = Box::new(Shac::new(episodes, &mut state.policy, config, seed, ranks)?);
+            return Ok(trainer);
+        }
         #[cfg(feature = "cuda")]
         if self.on_gpu() {
             let engine = super::CudaEngine::new(&trainer.state.policy.shape, &trainer.config, ranks);

@@ -19,7 +19,7 @@ use crate::tensors::Tensors;
 
 impl Trainer {
     /// Writes where the run is; `run` is whatever else the caller wants to find again. Of several ranks all call it, and the first writes.
-    pub fn save(&self, path: &Path, run: &str) -> Result<()> {
+    pub fn save(&mut self, path: &Path, run: &str) -> Result<()> {
         let (state, team) = (&self.state, Team::new(&self.ranks, self.config.environments));
         let Snapshot { states, frames, goals, begun, past_states, past_torques } = self.engine.snapshot(&self.episodes)?;
         let past = past_states.len().checked_div(states.len()).unwrap_or(0);
@@ -50,6 +50,7 @@ impl Trainer {
         for (name, own) in [("frames", frames), ("begun", begun)] {
             file.put_u64(name, &whole(&team, own, 1)?);
         }
+        self.engine.learned().into_iter().for_each(|(name, numbers)| file.put_f32(name, &[numbers.len()], numbers));
         if !self.ranks.leads() {
             return Ok(());
         }
@@ -103,6 +104,9 @@ impl Trainer {
             past_states: real("past.states", past, None)?,
             past_torques: real("past.torques", past, None)?,
         };
+        for (name, numbers) in self.engine.learned() {
+            *numbers = file.f32(name, Some(numbers.len()))?;
+        }
         self.engine.restore(&mut self.episodes, &snapshot)?;
         self.state = state;
         Ok(())

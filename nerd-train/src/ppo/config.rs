@@ -7,10 +7,33 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 
+/// How a policy learns.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Algorithm {
+    /// From samples: proximal policy optimisation.
+    #[default]
+    Ppo,
+    /// From slopes: short-horizon actor-critic ([`super::Shac`]).
+    Shac,
+}
+
+impl Algorithm {
+    /// Their names, as serde has them.
+    pub const WORDS: &[&str] = &["ppo", "shac"];
+
+    fn usual(&self) -> bool {
+        *self == Self::Ppo
+    }
+}
+
 /// Settings of a run; what a file leaves out is [`PpoConfig::default`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PpoConfig {
+    /// How it learns; SHAC has no use for clips, `critic`, `entropy`, `bounds` and `kl`. Default: ppo.
+    #[serde(skip_serializing_if = "Algorithm::usual")]
+    pub algorithm: Algorithm,
     /// Environments. Default: 256.
     pub environments: usize,
     /// Steps of every environment in one iteration. Default: 32.
@@ -57,6 +80,7 @@ pub struct PpoConfig {
 impl Default for PpoConfig {
     fn default() -> Self {
         Self {
+            algorithm: Algorithm::Ppo,
             environments: 256,
             horizon: 32,
             iterations: 100,
@@ -89,10 +113,24 @@ const FILES: [(&str, [&str; 2]); 5] = [
     ("lead-", [include_str!("../../assets/ppo/lead.toml"), include_str!("../../assets/ppo/lead-small.toml")]),
 ];
 
+/// Shipped settings of SHAC; the last are those of all other tasks.
+const SHAC: [(&str, &str); 3] = [
+    ("ant-", include_str!("../../assets/ppo/ant-shac.toml")),
+    ("anymal-", include_str!("../../assets/ppo/anymal-shac.toml")),
+    ("cartpole-", include_str!("../../assets/ppo/cartpole-shac.toml")),
+];
+
 impl PpoConfig {
     /// Fewer environments and more updates a step than the paper's: for a learned simulator on the CPU.
     pub fn small(task: &str) -> Result<Self> {
         Self::shipped(task, 1)
+    }
+
+    /// SHAC's for a task.
+    pub fn shac(task: &str) -> Result<Self> {
+        let known = nerd_tasks::names().contains(&task);
+        let found = SHAC.iter().find(|f| known && task.starts_with(f.0)).or(SHAC.last().filter(|_| known));
+        Self::from_text(found.ok_or_else(|| TaskError(task.into()))?.1)
     }
 
     /// The paper's for a task.

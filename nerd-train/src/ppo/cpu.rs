@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use nerd_tasks::Episodes;
 use rayon::prelude::*;
 
 use super::gae::advantages;
@@ -9,7 +10,7 @@ use super::loss::surprise;
 use super::noise::drawn;
 use super::team::Team;
 use super::update::update;
-use super::{Actor, Adam, Engine, Policy, PpoConfig, Rollout, StreamKey, Updated};
+use super::{Actor, Adam, Engine, Policy, PpoConfig, Rollout, Running, StreamKey, Taken, Turns, Updated};
 use crate::error::Result;
 use crate::ranks::Ranks;
 
@@ -31,7 +32,7 @@ impl OnCpu {
     }
 }
 
-impl Engine for OnCpu {
+impl Turns for OnCpu {
     fn begin(&mut self, policy: &Policy) -> Result<()> {
         self.actor = Some(Actor::new(policy.clone()));
         self.rollout.clear();
@@ -66,6 +67,19 @@ impl Engine for OnCpu {
         let last = actor.policy.values(&actor.answer(rows));
         self.rollout.advantages = advantages((rewards, ends), (&self.rollout.values, &last, &self.cut), config.gamma, config.lambda);
         Ok(())
+    }
+}
+
+impl Engine for OnCpu {
+    fn roll(
+        &mut self,
+        episodes: &mut Episodes,
+        running: &mut Running,
+        policy: &Policy,
+        config: &PpoConfig,
+        noise: StreamKey,
+    ) -> Result<Taken> {
+        self.turns(episodes, running, policy, config, noise)
     }
 
     fn update(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, orders: StreamKey) -> Result<Updated> {

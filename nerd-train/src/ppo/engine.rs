@@ -1,4 +1,4 @@
-//! What a policy answers on, keeps the steps of a rollout in and learns from them: `OnCpu`, or a GPU in `CudaEngine`.
+//! What a policy answers on, keeps the steps of a rollout in and learns from them: PPO's `OnCpu`, or a GPU in `CudaEngine`, and `Shac`.
 
 use nerd_sim::solver::StepError;
 use nerd_tasks::{Episodes, Snapshot};
@@ -6,12 +6,44 @@ use nerd_tasks::{Episodes, Snapshot};
 use super::{Adam, Ended, Policy, PpoConfig, Running, StreamKey, TERMINATED, TRUNCATED, Taken, Updated};
 use crate::error::Result;
 
-/// One rollout after the other: [`Engine::begin`], then [`Engine::act`] and [`Engine::arrive`] by turns, [`Engine::finish`], and
-/// [`Engine::update`].
+/// One rollout after the other, each with its update.
 pub trait Engine: Send {
     /// What the update after the next rollout needs beside it may be made from here on; `orders` is that of [`Engine::update`].
     fn ahead(&mut self, _config: &PpoConfig, _orders: StreamKey) {}
 
+    /// Steps every environment through a horizon. The first step has this noise, each later one the next stream.
+    fn roll(
+        &mut self,
+        episodes: &mut Episodes,
+        running: &mut Running,
+        policy: &Policy,
+        config: &PpoConfig,
+        noise: StreamKey,
+    ) -> Result<Taken>;
+
+    /// All passes over the rollout, by the policy that made it. The order of steps in pass e of iteration i is drawn from a stream of its
+    /// own; `orders` are their seed and the iteration.
+    fn update(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, orders: StreamKey) -> Result<Updated>;
+
+    /// What later steps depend on.
+    fn snapshot(&self, episodes: &Episodes) -> Result<Snapshot, StepError> {
+        Ok(episodes.snapshot())
+    }
+
+    /// Goes on where a snapshot was taken.
+    fn restore(&mut self, episodes: &mut Episodes, snapshot: &Snapshot) -> Result<(), StepError> {
+        episodes.restore(snapshot)
+    }
+
+    /// What it has learned beside the policy, by name.
+    fn learned(&mut self) -> Vec<(&'static str, &mut Vec<f32>)> {
+        Vec::new()
+    }
+}
+
+/// A rollout by turns of a policy and the episodes: [`Turns::begin`], then [`Turns::act`] and [`Turns::arrive`] by turns, and
+/// [`Turns::finish`].
+pub trait Turns {
     /// A whole rollout where the episodes are, if the engine can step them there.
     fn resident(
         &mut self,
@@ -24,9 +56,8 @@ pub trait Engine: Send {
         Ok(None)
     }
 
-    /// Steps every environment through a horizon: where the episodes are, or by turns with them. The first step has this noise, each later
-    /// one the next stream.
-    fn roll(
+    /// [`Engine::roll`], where the episodes are, or by turns with them.
+    fn turns(
         &mut self,
         episodes: &mut Episodes,
         running: &mut Running,
@@ -68,18 +99,4 @@ pub trait Engine: Send {
     /// The rollout ends where these rows are seen; of what came of its steps, `[step][env]`, advantages are made. A step ends no episode (0),
     /// or in [`TERMINATED`] or [`TRUNCATED`].
     fn finish(&mut self, rows: &[f64], rewards: &[f64], ends: &[u8], config: &PpoConfig) -> Result<()>;
-
-    /// All passes over the rollout, by the policy that made it. The order of steps in pass e of iteration i is drawn from a stream of its
-    /// own; `orders` are their seed and the iteration.
-    fn update(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, orders: StreamKey) -> Result<Updated>;
-
-    /// What later steps depend on.
-    fn snapshot(&self, episodes: &Episodes) -> Result<Snapshot, StepError> {
-        Ok(episodes.snapshot())
-    }
-
-    /// Goes on where a snapshot was taken.
-    fn restore(&mut self, episodes: &mut Episodes, snapshot: &Snapshot) -> Result<(), StepError> {
-        episodes.restore(snapshot)
-    }
 }

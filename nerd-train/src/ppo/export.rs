@@ -25,9 +25,10 @@ pub fn export(out: &Path, task: &str, solver: &str, identity: &str, trainer: &Tr
 fn card(config: &PolicyConfig, parameters: usize, table: &str) -> String {
     let PolicyConfig { task, solver, shape, ppo, iterations, reward, .. } = config;
     format!(
-        "# A policy of `{task}`\n\nTrained by PPO in `{solver}`: {iterations} iterations of {} environments x {} steps. Network {:?} {:?}, \
+        "# A policy of `{task}`\n\nTrained by {} in `{solver}`: {iterations} iterations of {} environments x {} steps. Network {:?} {:?}, \
          {parameters} parameters; the best of the run by mean training reward{}.\n\n{table}\n\
          `cargo xtask policy evaluate` plays it in the truth and in the learned simulator. Written by `cargo xtask policy train`.\n",
+        format!("{:?}", ppo.algorithm).to_uppercase(),
         ppo.environments,
         ppo.horizon,
         shape.widths(),

@@ -9,6 +9,8 @@
 //! ([`nerd_model::program::cpu`]): an update of 65 536 steps costs tenths of a second on two cores. Where the simulator is on a GPU, so
 //! are answers and updates. Whatever the number of threads, the same seed gives the same bytes.
 //!
+//! Beside it there is SHAC ([`Shac`]), which learns from slopes in place of samples, in the same runs and folders.
+//!
 //! An [`Engine`] steps episodes, judges what came of it (`gae.rs`) and learns from it (`update.rs`, by `loss.rs`); [`Trainer`] repeats it
 //! and keeps all that a run needs to go on; [`PolicyRun`] does it in a folder, [`play()`] plays the result. Of several processes each has
 //! a share of the environments (`team.rs`).
@@ -31,6 +33,7 @@ mod play;
 mod policy;
 mod rollout;
 mod run;
+mod shac;
 mod stack;
 mod team;
 mod trainer;
@@ -39,20 +42,21 @@ mod update;
 pub use nerd_model::program::Activation;
 
 pub use arena::{Arena, Make};
-pub use config::PpoConfig;
+pub use config::{Algorithm, PpoConfig};
 pub use cpu::OnCpu;
 #[cfg(feature = "cuda")]
 pub use cuda::CudaEngine;
-pub use engine::Engine;
+pub use engine::{Engine, Turns};
 pub use gae::{TERMINATED, TRUNCATED};
 pub use loss::Terms;
 pub use noise::StreamKey;
 pub use normalizer::RunningMoments;
 pub use pilot::Policies;
-pub use play::{Game, plan, play};
+pub use play::{Game, play};
 pub use policy::{Actor, Answer, Policy, Shape};
 pub use rollout::{Ended, Rollout, Running, Taken};
 pub use run::{Learned, PolicyRun};
+pub use shac::Shac;
 pub use stack::Stack;
 pub use trainer::{Iteration, State, Trainer};
 pub use update::{Adam, Updated};

@@ -76,6 +76,12 @@ impl RunningMoments {
         ((x - self.mean[column]) / self.scale(column)).clamp(-WIDEST, WIDEST)
     }
 
+    /// The slope of that.
+    pub(super) fn slope(&self, column: usize, x: f64) -> f64 {
+        let inside = (x - self.mean[column]).abs() < WIDEST * self.scale(column);
+        if inside { self.scale(column).recip() } else { 0.0 }
+    }
+
     /// The inverse within the bounds.
     pub fn restore(&self, column: usize, x: f64) -> f64 {
         x * self.scale(column) + self.mean[column]

@@ -44,9 +44,14 @@ impl Adam {
 
     /// One update, with the gradient's norm kept to `most`; that norm.
     pub fn update(&mut self, flat: &mut [f32], gradient: &[f32], most: f32) -> f32 {
+        self.step([0.9, 0.999], flat, gradient, most)
+    }
+
+    /// The same with other betas.
+    pub(super) fn step(&mut self, beta: [f64; 2], flat: &mut [f32], gradient: &[f32], most: f32) -> f32 {
         let found = norm(gradient);
         self.step += 1;
-        optimiser::Adam::new([0.9, 0.999], self.step, self.rate, found, most).step([flat, &mut self.m, &mut self.v], gradient);
+        optimiser::Adam::new(beta, self.step, self.rate, found, most).step([flat, &mut self.m, &mut self.v], gradient);
         found
     }
 }

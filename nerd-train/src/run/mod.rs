@@ -32,8 +32,10 @@ mod recipe;
 mod recording;
 mod settings;
 mod train;
+mod variant;
 
 pub use recipe::Recipe;
 pub use recording::RecordConfig;
-pub use settings::{RunConfig, Variant};
+pub use settings::RunConfig;
 pub use train::Run;
+pub use variant::Variant;

@@ -1,5 +1,7 @@
 //! One run: its data, its updates and its model.
 
+use std::time::{Duration, Instant};
+
 use super::agree;
 use super::card::{Identity, export, resume};
 use super::criterion::rollout_error;
@@ -10,6 +12,7 @@ use super::settings::RunConfig;
 use crate::checkpoint::{self, Best};
 #[cfg(feature = "cuda")]
 use crate::device::Device;
+use crate::learner::Learner;
 use crate::prelude::*;
 use crate::records::{Session, claimed};
 use crate::supply::{Supply, SupplyConfig};

@@ -2,7 +2,7 @@
 
 use nerd_sim::articulated::device::RANDOM;
 use nerd_sim::sampling::{normal, stream};
-use nerd_train::ppo::{Activation, Engine, OnCpu, Policy, PpoConfig, RunningMoments, StreamKey};
+use nerd_train::ppo::{Activation, OnCpu, Policy, PpoConfig, RunningMoments, StreamKey, Turns};
 
 use crate::cpp;
 

@@ -10,6 +10,7 @@ mod learning;
 mod pilot;
 mod policy;
 mod ranks;
+mod shac;
 
 use nerd_model::pick::Setting;
 use nerd_sim::sampling::stream;

@@ -1,8 +1,11 @@
 //! `cargo xtask policy train|co-train|evaluate|show`: policies trained on any solver, played on any other.
 
+use std::path::PathBuf;
+
+use anyhow::Result;
 use nerd_lab::cotrain::{CoTrainConfig, co_train};
 use nerd_lab::experiments::policies::Policies;
-use nerd_train::ppo::{Learned, PolicyRun, folder};
+use nerd_train::ppo::{Algorithm, Learned, PolicyRun, PpoConfig, folder};
 use nerd_train::replay;
 
 mod arena;
@@ -10,8 +13,7 @@ mod arena;
 use arena::ArenaArgs;
 
 use crate::measure::Conduct;
-use crate::options::{Number, SEEDS};
-use crate::prelude::*;
+use crate::options::{Keys, Number, Positive, SEEDS, Whole, unused, value, word};
 use crate::{out, ranks};
 
 #[derive(clap::Args, Clone, Debug)]
@@ -23,7 +25,7 @@ pub struct PolicyArgs {
 /// What to do with it.
 #[derive(clap::Subcommand, Clone, Debug)]
 pub enum PolicyVerb {
-    /// Train a policy by PPO, or continue a run
+    /// Train a policy by PPO or SHAC, or continue a run
     Train(Box<TrainArgs>),
     /// Train policies and their model in turn, until policies of new seeds earn in the model what they earn in the truth
     CoTrain(CoTrainArgs),
@@ -35,14 +37,17 @@ pub enum PolicyVerb {
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct TrainArgs {
-    /// Task: cartpole-swingup, ant-run, ant-spin, ant-spin-track, franka-reach, franka-reach-torque, anymal-forward, anymal-side, lead-tip, ant-point
+    /// Task: cartpole-swingup, ant-run, ant-spin, ant-spin-track, franka-reach, franka-reach-torque, anymal-forward, anymal-side, lead-tip
     pub task: String,
     #[command(flatten)]
     pub arena: ArenaArgs,
+    /// From samples, or from slopes, which models of single frames have
+    #[arg(long, value_parser = word::<Algorithm>(Algorithm::WORDS), default_value = "ppo", conflicts_with = "config")]
+    pub algorithm: Algorithm,
     /// Settings of PPO: `paper`, or `small` where steps are dear [default: paper; small for a learned simulator on the CPU]
     #[arg(long, value_parser = ["paper", "small"])]
     pub recipe: Option<String>,
-    /// TOML with all settings, instead of a recipe (see nerd-train/assets/ppo)
+    /// TOML with all settings, `algorithm` too, instead of a recipe (see nerd-train/assets/ppo)
     #[arg(long, value_name = "FILE", conflicts_with = "recipe")]
     pub config: Option<PathBuf>,
     /// Environments, instead of the settings'
@@ -110,7 +115,12 @@ pub fn run(args: PolicyArgs) -> Result<()> {
 fn train(args: TrainArgs) -> Result<()> {
     let TrainArgs { task, seed, until, minutes, .. } = args;
     let arena = args.arena.of(&task)?;
-    let mut config = arena.settings(&task, args.recipe.as_deref(), args.config.as_deref())?;
+    let slopes = args.algorithm == Algorithm::Shac;
+    if slopes {
+        unused(&[("--recipe", args.recipe.is_some())], "with --algorithm shac, which has one for each task")?;
+    }
+    let mut config =
+        if slopes { PpoConfig::shac(&task)? } else { arena.settings(&task, args.recipe.as_deref(), args.config.as_deref())? };
     config.environments = args.envs.unwrap_or(config.environments);
     config.horizon = args.horizon.unwrap_or(config.horizon);
     config.iterations = args.iterations.unwrap_or(config.iterations);

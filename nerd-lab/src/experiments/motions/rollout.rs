@@ -1,5 +1,7 @@
 //! Rolls solvers out along recorded motions, and compares their contact points with the recorded ones.
 
+use std::time::{Duration, Instant};
+
 use nerd_train::cost::each;
 
 use crate::prelude::*;

@@ -2,9 +2,10 @@
 
 use std::f64::consts::PI;
 
-use super::*;
+use crate::prelude::*;
 use crate::scene::points;
-use crate::suite::trial::rise;
+use crate::suite::row::Row;
+use crate::suite::trial::{Error, Trial, rise};
 
 pub(super) static ROWS: [Row; 3] = [
     Row::new("cable's sag", "error of the sag of a clamped cable, 16 rods, after 5 s", "relative", 0.01, sag)

@@ -2,7 +2,9 @@
 
 use rand::RngExt;
 
-use super::*;
+use crate::prelude::*;
+use crate::suite::row::Row;
+use crate::suite::trial::{Error, Trial};
 
 /// Speed limit of ANYmal's joints (rad/s).
 const SPEED: f64 = 20.0;

@@ -3,8 +3,9 @@
 
 use std::f64::consts::TAU;
 
-use super::*;
-use crate::suite::trial::rise;
+use crate::prelude::*;
+use crate::suite::row::Row;
+use crate::suite::trial::{Error, Motion, Trial, rise};
 
 /// Speed forwards (m/s), and about the axis across it (rad/s): it turns over as it runs.
 const SPEED: f64 = 8.0;

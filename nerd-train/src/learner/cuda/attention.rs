@@ -1,6 +1,9 @@
 //! Attention on the device: its shape, and how its kernels are launched.
 
-use super::*;
+use nerd_cuda::Arg::{Int, Ptr};
+use nerd_cuda::{Device, DeviceError};
+
+use crate::learner::LearnError;
 
 /// Largest dynamic shared memory every device gives without asking, bytes.
 const SHARED: usize = 48 << 10;

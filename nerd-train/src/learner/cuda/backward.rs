@@ -7,11 +7,14 @@
 
 use std::collections::VecDeque;
 
-use nerd_cuda::Op as Operand;
+use nerd_cuda::Arg::{Int, Long, Ptr};
+use nerd_cuda::{DeviceError, Lane, Op as Operand};
+use nerd_model::program::{Op, Slot, Step};
 
-use super::network::BackwardMemory;
+use super::attention::Attention;
+use super::network::{BackwardMemory, Network};
 use super::passes::{Size, activation_kernels};
-use super::*;
+use super::plan::Part;
 
 /// Buffers of one length that are enough for both streams to go on.
 const SOME: usize = 3;

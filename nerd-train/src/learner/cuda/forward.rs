@@ -1,8 +1,13 @@
 //! [`CudaForward`]: predictions of given weights for many windows at once.
 
-use nerd_model::transformer::Forward;
+use nerd_cuda::{Buffer, Replay};
+use nerd_model::program::Op;
+use nerd_model::transformer::{Forward, ForwardError, Weights};
 
-use super::*;
+use super::Precision;
+use super::network::Network;
+use super::plan::Plan;
+use crate::learner::LearnError;
 
 /// Numbers of windows that passes are captured for.
 const SIZES: usize = 8;

@@ -8,6 +8,7 @@
 mod attention;
 mod backward;
 mod forward;
+mod loss;
 mod lowering;
 mod muon;
 mod network;
@@ -16,17 +17,12 @@ mod passes;
 mod plan;
 mod program;
 mod resident;
+mod slopes;
+mod source;
 mod stream;
 mod trainer;
 
-use nerd_cuda::Arg::{self, Double, Float, Int, Long, Ptr};
-use nerd_cuda::{Buffer, Device, DeviceError, Event, Lane, Replay, Sums};
-use nerd_model::program::{Op, Program, Slot, Step, Weight};
-use nerd_model::transformer::Windowed;
-
-use crate::prelude::*;
-use attention::Attention;
-use plan::Part;
+use nerd_model::transformer::{Stream, Weights, Windowed};
 
 pub use forward::CudaForward;
 pub use nerd_cuda::Precision;
@@ -35,9 +31,12 @@ pub(crate) use optimiser::Optimiser;
 pub(crate) use plan::Plan;
 pub use program::CudaProgram;
 pub use resident::{Frames, resident};
+pub use slopes::CudaSlopes;
 pub use stream::CudaStream;
 pub use trainer::CudaLearner;
 pub(crate) use trainer::joined;
+
+use super::LearnError;
 
 /// The engine of a network for at most `envs` environments: frame by frame if it can be, or else recomputing windows.
 pub fn stream(weights: &Weights, precision: Precision, envs: usize) -> Result<Box<dyn Stream>, LearnError> {

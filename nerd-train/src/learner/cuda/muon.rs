@@ -5,9 +5,13 @@
 
 use std::collections::BTreeSet;
 
-use super::*;
+use nerd_cuda::Event;
+use nerd_model::transformer::TransformerConfig;
+
+use crate::learner::LearnError;
 use crate::learner::muon::{COEFFICIENTS, Hidden, ITERATIONS, MOMENTUM, hidden, others};
-use nerd_cuda::{Batch, Op};
+use nerd_cuda::Arg::{Float, Int, Ptr};
+use nerd_cuda::{Batch, Buffer, Device, DeviceError, Lane, Op};
 
 /// All hidden matrices of one shape.
 struct Group {

@@ -8,7 +8,7 @@ use super::world::World;
 use super::{CudaEngine, own, sizes};
 use crate::error::{Result, refuse};
 use crate::ppo::update::{self, Adam, Updated};
-use crate::ppo::{Engine, Policy, PpoConfig, Running, StreamKey, Taken};
+use crate::ppo::{Engine, Policy, PpoConfig, Running, StreamKey, Taken, Turns};
 
 impl CudaEngine {
     /// The episodes as a world on the device of their solver, taken out; none where they cannot be, with a line that says why.
@@ -31,19 +31,7 @@ impl CudaEngine {
     }
 }
 
-impl Engine for CudaEngine {
-    fn ahead(&mut self, config: &PpoConfig, key: StreamKey) {
-        // Orders are drawn while the device rolls, as they are needed.
-        let (give, orders) = std::sync::mpsc::sync_channel(config.epochs);
-        let (team, settings) = (self.team.clone(), config.clone());
-        std::thread::spawn(move || {
-            let own = |order: Vec<u32>| if team.alone() { Ok(order) } else { own(&team, &order, &settings) };
-            // Who no longer listens needs no more of them.
-            let _ = update::orders(&settings, key).try_for_each(|order| give.send(own(order)));
-        });
-        self.orders = Some((config.clone(), key, orders));
-    }
-
+impl Turns for CudaEngine {
     fn resident(
         &mut self,
         episodes: &mut Episodes,
@@ -103,6 +91,31 @@ impl Engine for CudaEngine {
         self.net.device.write(&self.kept.rewards, rewards)?;
         self.net.device.write(&self.kept.ends, ends)?;
         Ok(self.finished(config)?)
+    }
+}
+
+impl Engine for CudaEngine {
+    fn ahead(&mut self, config: &PpoConfig, key: StreamKey) {
+        // Orders are drawn while the device rolls, as they are needed.
+        let (give, orders) = std::sync::mpsc::sync_channel(config.epochs);
+        let (team, settings) = (self.team.clone(), config.clone());
+        std::thread::spawn(move || {
+            let own = |order: Vec<u32>| if team.alone() { Ok(order) } else { own(&team, &order, &settings) };
+            // Who no longer listens needs no more of them.
+            let _ = update::orders(&settings, key).try_for_each(|order| give.send(own(order)));
+        });
+        self.orders = Some((config.clone(), key, orders));
+    }
+
+    fn roll(
+        &mut self,
+        episodes: &mut Episodes,
+        running: &mut Running,
+        policy: &Policy,
+        config: &PpoConfig,
+        noise: StreamKey,
+    ) -> Result<Taken> {
+        self.turns(episodes, running, policy, config, noise)
     }
 
     fn update(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, key: StreamKey) -> Result<Updated> {

@@ -1,6 +1,9 @@
 //! Memory on a card: of a rollout, of what passes read of it, and where an update is.
 
-use super::*;
+use nerd_cuda::{Buffer, Device, DeviceError, Event};
+
+use crate::learner::cuda::Network;
+use crate::ppo::{PpoConfig, Shape};
 
 /// Parts that sums over all steps are made in.
 pub(super) const PARTS: usize = 1024;

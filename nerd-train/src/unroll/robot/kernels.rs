@@ -4,9 +4,9 @@ use std::fmt::Write;
 use std::sync::Arc;
 
 use nerd_model::around::Around;
-use nerd_model::device::{settings, token_functions};
+use nerd_model::device::{settings, slope_functions};
 use nerd_model::features::Features;
-use nerd_sim::articulated::device::{Reach, Real, record};
+use nerd_sim::articulated::device::{Reach, record};
 use nerd_sim::scene::Scene;
 use nerd_sim::system::System;
 
@@ -21,7 +21,7 @@ impl OnCard for Robot {
     }
 
     fn program(&self, system: &Arc<System>, rollouts: usize, colliders: usize) -> String {
-        let mut text = token_functions(self.around.form, &self.around.normalizer, system, Real::F64, colliders);
+        let mut text = slope_functions(self.around.form, &self.around.normalizer, system, colliders);
         let _ = writeln!(text, "#define SHARE {SHARE:e}\n#define ROLLOUTS {rollouts}");
         for (name, numbers) in [("UNIT", &self.units), ("COUNTS", &self.weights)] {
             let numbers: Vec<String> = numbers.iter().map(|x| format!("{x:e}")).collect();

@@ -16,27 +16,6 @@ FN void token(const Rollout& r, const Motions& m, int k, const double* state, fl
     tell(state, m.torques + ((long long)r.motion * m.frames + (long long)r.frame + k) * NJ, scene(r, m), out);
 }
 
-// The state after a frame; what is no number stays none, so that it can be reported.
-FN void advance(const double* state, const float* said, double* after) {
-    for (int k = 0; k < STATE; k++) after[k] = state[k];
-    if (apply(after, said)) for (int k = 0; k < STATE; k++) after[k] = infinite() - infinite();
-}
-
-// The gradient by a state, from that by the state after it and that by its token.
-FN void frame_back(const Rollout& r, const Motions& m, const double* state, const float* said, const float* by_token, const double* behind, double* slope) {
-    double by_change[STATE];
-    for (int i = 0; i < 2 * NV; i++) slope[i] = 0;
-    apply_back(state, said, behind, by_change, slope);
-    tell_back(state, scene(r, m), by_token, slope);
-}
-
-FN void said_back(const double* state, const float* said, const double* behind, float* by_said) {
-    double by_change[STATE], none[2 * NV];
-    for (int i = 0; i < 2 * NV; i++) none[i] = 0;
-    apply_back(state, said, behind, by_change, none);
-    for (int k = 0; k < STATE; k++) by_said[k] = (float)(by_change[k] * STRETCH[k]);
-}
-
 #ifdef __CUDACC_RTC__
 #define KERNEL extern "C" __global__ void
 #define WORLD const Rollout* rollouts, const double* truths, const double* torques, const double* scenes, int frames
@@ -88,7 +67,7 @@ KERNEL unroll_said(const double* states, int k, const float* said, const double*
 KERNEL unroll_back(WORLD, const double* states, int k, const float* said, const double*, const float* by_tokens, double* behinds) {
     EACH MOTIONS
     double slope[2 * NV], *behind = behinds + env * STATE;
-    frame_back(r, m, states + ((long long)k * ROLLOUTS + env) * STATE, said + env * STATE, by_tokens + env * INPUTS, behind, slope);
+    frame_back(states + ((long long)k * ROLLOUTS + env) * STATE, scene(r, m), said + env * STATE, by_tokens + env * INPUTS, behind, slope);
     for (int i = 0; i < 2 * NV; i++) behind[i] = slope[i];
 }
 #else
@@ -114,7 +93,7 @@ int main() {
         out[i] = loss(next, truth(r, m, k + 1), k + 1, 0.7, slope);
         join(behinds.data() + i * 2 * NV, 1 + i, slope);
         said_back(own, said.data() + i * STATE, slope, by_said.data() + i * STATE);
-        frame_back(r, m, own, said.data() + i * STATE, by_tokens.data() + i * INPUTS, slope, fronts.data() + i * 2 * NV);
+        frame_back(own, scene(r, m), said.data() + i * STATE, by_tokens.data() + i * INPUTS, slope, fronts.data() + i * 2 * NV);
     }
     write_all(after), write_all(tokens), write_all(out), write_all(slopes), write_all(by_said), write_all(fronts);
 }

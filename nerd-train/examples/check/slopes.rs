@@ -1,0 +1,74 @@
+//! Slopes of models on the card: those of the CPU, and what they and a policy's learning from them cost there.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use nerd_sim::prelude::*;
+use nerd_tasks::named;
+use nerd_train::device::Device;
+use nerd_train::ppo::{Arena, PpoConfig};
+
+use crate::with::{Checks, Outcome, apart, numbers};
+
+/// Environments.
+const N: usize = 512;
+/// Iterations of a policy.
+const ITERATIONS: usize = 40;
+
+fn folder(robot: &str) -> PathBuf {
+    Path::new("models").join(robot)
+}
+
+pub fn slopes(checks: &mut Checks) -> Outcome {
+    for (robot, scene) in [("cartpole", "free"), ("franka", "free"), ("ant", "ground"), ("anymal", "ground")] {
+        let system = System::named(robot)?;
+        let mut batch = Batch::new(&system, &system.scene(scene)?, N);
+        (0..N).for_each(|env| batch.reset(env, &start(&system, Start::Reset, &mut stream(7, env as u64))));
+        let solver = |device: Device| device.neural(&folder(robot), &system, None, N);
+        let (mut card, mut cpu) = (solver(Device::Cuda)?, solver(Device::Cpu)?);
+        let (joints, wide) = (system.robot.joint_count(), 2 * system.robot.nv());
+        let torques: Vec<f64> = numbers(3, N * joints).into_iter().map(f64::from).collect();
+        (0..30).try_for_each(|_| card.step(&mut batch, &torques))?;
+        let by: Vec<f64> = numbers(4, N * 2 * wide).into_iter().map(f64::from).collect();
+        let [there, here] = [&mut card, &mut cpu].map(|solver| solver.back(&batch, &torques, 2, &by));
+        let (there, here) = (there?, here?);
+        let pairs = [(&there.next, &here.next), (&there.states, &here.states), (&there.torques, &here.torques)];
+        let narrow = |x: &[f64]| x.iter().map(|x| *x as f32).collect::<Vec<f32>>();
+        let off = pairs.map(|(a, b)| apart(&narrow(a), &narrow(b)));
+        let what = format!("{robot}: next states, slopes by states and by torques {off:.1?} from the CPU's");
+        checks.demand(off.iter().all(|off| *off < 1e-3), format!("{what}; {off:?}"));
+        let one = |back: bool, solver: &mut dyn Solver, batch: &mut Batch| -> Outcome<f64> {
+            let started = Instant::now();
+            for _ in 0..20 {
+                if back {
+                    solver.back(batch, &torques, 1, &by[..N * wide])?;
+                } else {
+                    solver.step(batch, &torques)?;
+                }
+            }
+            Ok(started.elapsed().as_secs_f64() / 20.0)
+        };
+        let [step, back] = [one(false, &mut *card, &mut batch)?, one(true, &mut *card, &mut batch)?].map(|s| 1e3 * s);
+        println!("   {robot}: {N} environments step in {step:.2} ms, go forth and back in {back:.2} ms");
+    }
+    for task in ["cartpole-swingup", "ant-run", "anymal-forward"] {
+        let known = named(task)?;
+        let arena = Arena::Model { folder: folder(known.robot()), device: Device::Cuda };
+        let mut run = arena.trainer(known, PpoConfig::shac(task)?, 1, &Default::default())?;
+        let started = Instant::now();
+        for k in 1..=ITERATIONS {
+            let line = run.iterate()?;
+            if k % 10 == 0 {
+                println!(
+                    "   {task}, iteration {k}: {:.1} s, reward {:?} over {:?} steps, rollouts {:.3} s, updates {:.3} s",
+                    started.elapsed().as_secs_f64(),
+                    line.reward,
+                    line.length,
+                    line.rollout_seconds,
+                    line.update_seconds
+                );
+            }
+        }
+    }
+    Ok(())
+}

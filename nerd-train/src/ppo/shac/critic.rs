@@ -1,0 +1,33 @@
+//! The critic learns the returns of a rollout: passes over its steps, by the squared error of normalised values.
+
+use super::back::through;
+use super::{BETA, Shac};
+use crate::error::Result;
+use crate::ppo::update::orders;
+use crate::ppo::{Policy, PpoConfig, StreamKey};
+
+impl Shac {
+    /// All passes; the mean squared error over them.
+    pub(super) fn learn(&mut self, policy: &Policy, config: &PpoConfig, key: StreamKey) -> Result<f64> {
+        (self.critic.seen, self.critic.returns) = (policy.seen.clone(), policy.returns.clone());
+        let (width, a, mut network) = (policy.shape.inputs(), policy.shape.action, self.critic.network());
+        let goals: Vec<f32> = self.returns.iter().map(|x| policy.returns.normalize(0, *x) as f32).collect();
+        let (mut lost, mut batches) = (0.0, 0.0);
+        for order in orders(config, key) {
+            for batch in order.chunks(config.minibatch) {
+                let own: Vec<usize> = self.team.own(batch).map(|i| i as usize).collect();
+                let rows: Vec<f64> = own.iter().flat_map(|i| self.rows[i * width..][..width].iter().copied()).collect();
+                let scale = 1.0 / batch.len() as f32;
+                let (mut gradient, _) = through(&self.critic, &network, &rows, |i, said, by| by[a] = scale * (said[a] - goals[own[i]]));
+                let answer = self.critic.answer(&rows);
+                gradient.push(answer.value.iter().zip(&own).map(|(v, i)| scale * (v - goals[*i]).powi(2)).sum());
+                self.team.ranks.sum(&mut gradient)?;
+                lost += f64::from(gradient.pop().unwrap_or_default());
+                batches += 1.0;
+                self.adam.step(BETA, &mut self.critic.flat, &gradient, config.gradient_norm);
+                network.load(&self.critic.flat);
+            }
+        }
+        Ok(lost / batches)
+    }
+}

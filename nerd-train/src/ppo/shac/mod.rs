@@ -1,0 +1,177 @@
+//! Short-horizon actor-critic (Xu et al. 2022, arXiv 2204.07137): the policy climbs the slope of what it earns, found by going back through
+//! its rollouts.
+//!
+//! ```text
+//! J = 1 / (N h) sum_env [ sum_t c_t R_t + c_h V'(s_h) ]      c = 1, gamma, gamma^2, .. from the window's or an episode's start
+//! ```
+//!
+//! Actions are `clamp(mu + exp(s) noise)` with the noise held, so J is a function of the policy; `back.rs` has its gradient, through
+//! observation, policy, action, solver and reward of every step. What ends an episode cuts the way back: a terminal state is worth nothing
+//! more, where time ran out the critic's value stands, as at the horizon. That value is of a critic V' which follows (by 1 - 0.2 an iteration)
+//! the one that learns the TD(lambda) returns under it (`critic.rs`). The rate falls in a line to nothing.
+//!
+//! At an action beyond its bounds the clamp has no slope: one that leads back inside passes all the same (Hausknecht and Stone 2016), without
+//! which a policy that is sure of itself never changes its mind.
+
+mod back;
+mod critic;
+
+use std::sync::Arc;
+
+use nerd_sim::sampling::stream;
+use nerd_tasks::{Episodes, Trace};
+
+use super::gae::advantages;
+use super::noise::drawn;
+use super::team::Team;
+use super::{
+    Actor, Adam, Ended, Engine, Policy, PpoConfig, Running, RunningMoments, StreamKey, TERMINATED, TRUNCATED, Taken, Terms, Updated,
+};
+use crate::error::{Result, refuse};
+use crate::ranks::Ranks;
+
+/// Decay of Adam's moments, as in the paper.
+const BETA: [f64; 2] = [0.7, 0.95];
+/// Share of the critic before that the slower one keeps in an iteration.
+const KEPT: f32 = 0.2;
+/// Logarithm of the spread that a policy begins with: a wide one is clamped, where there are no slopes.
+const SPREAD: f32 = -1.0;
+/// Least share of the first rate.
+const LEAST: f64 = 1e-2;
+
+/// What is kept of a rollout, by step and environment.
+#[derive(Default)]
+struct Steps {
+    /// Observations, those after the last step too; and where time ran out, in their order.
+    rows: Vec<f64>,
+    cut: Vec<f64>,
+    /// Actions as drawn, and their means.
+    drawn: Vec<f32>,
+    mean: Vec<f32>,
+    rewards: Vec<f64>,
+    ends: Vec<u8>,
+    trace: Trace,
+}
+
+/// SHAC on the CPU, over any solver with slopes.
+pub struct Shac {
+    /// Gradient of `-J` of the last rollout by the policy's parameters, of this rank's environments.
+    pub gradient: Vec<f32>,
+    /// J of the last rollout.
+    pub earned: f64,
+    team: Team,
+    critic: Policy,
+    adam: Adam,
+    /// The weights of V'.
+    slow: Vec<f32>,
+    rows: Vec<f64>,
+    returns: Vec<f64>,
+}
+
+impl Shac {
+    /// Of a policy that has learned nothing, whose spread is narrowed; `seed` is that of the critic's weights.
+    ///
+    /// # Errors
+    /// If the task has no slopes, or settings ask for what SHAC has not.
+    pub fn new(episodes: &Episodes, policy: &mut Policy, config: &PpoConfig, seed: u64, ranks: &Arc<Ranks>) -> Result<Self> {
+        if episodes.task.slopes().is_none() {
+            refuse!(
+                "task `{}` is not written in formulas (nerd_tasks::formula), so it has no slopes: train it by PPO",
+                episodes.task.name()
+            );
+        }
+        if config.stack > 1 || config.spread_by_state {
+            refuse!("SHAC sees one observation and has a spread of its own: leave out `stack` and `spread_by_state`, or train by PPO");
+        }
+        let spread = policy.flat.len() - policy.shape.spread();
+        policy.flat[spread..].fill(SPREAD);
+        let mut critic = Policy::new(policy.shape.clone(), &mut stream(seed, 0));
+        // Before it has learned anything its value has no slope, where a random one would lead astray.
+        let (inside, outputs) = (critic.shape.hidden.last().copied().unwrap_or(critic.shape.inputs()), critic.shape.outputs());
+        critic.flat[spread - (inside + 1) * outputs..].fill(0.0);
+        let (adam, slow) = (Adam::new(critic.flat.len(), config.rate), critic.flat.clone());
+        let team = Team::new(ranks, config.environments);
+        Ok(Self { gradient: Vec::new(), earned: 0.0, team, critic, adam, slow, rows: Vec::new(), returns: Vec::new() })
+    }
+
+    /// V', with the moments of this policy.
+    fn value(&self, policy: &Policy) -> Policy {
+        Policy { flat: self.slow.clone(), ..policy.clone() }
+    }
+
+    /// Steps every environment through a horizon.
+    fn steps(
+        &self,
+        episodes: &mut Episodes,
+        running: &mut Running,
+        policy: &Policy,
+        config: &PpoConfig,
+        noise: StreamKey,
+    ) -> Result<(Steps, Taken)> {
+        let (mut kept, mut taken, mut cut) = (Steps::default(), Taken::default(), Vec::new());
+        let (actor, first) = (Actor::new(policy.clone()), self.team.part.start * policy.shape.action);
+        episodes.trace();
+        for t in 0..config.horizon {
+            let answer = actor.answer(&running.stack.rows);
+            let drawn = drawn(&answer, StreamKey { number: noise.number + t as u64, ..noise }, first);
+            kept.rows.extend_from_slice(&running.stack.rows);
+            let actions: Vec<f64> = drawn.iter().map(|a| f64::from(a.clamp(-1.0, 1.0))).collect();
+            kept.drawn.extend(drawn);
+            kept.mean.extend(answer.mean);
+            let (result, ended) = running.step(episodes, &actions, &mut cut)?;
+            taken.ended.extend(ended.into_iter().map(|ended| Ended { step: t, ..ended }));
+            taken.failed += result.failed;
+            let both = result.terminated.iter().zip(&result.truncated);
+            kept.ends.extend(both.map(|(terminated, truncated)| if *terminated { TERMINATED } else { TRUNCATED * u8::from(*truncated) }));
+            kept.rewards.extend(result.rewards);
+            kept.cut.extend_from_slice(&cut);
+        }
+        kept.rows.extend_from_slice(&running.stack.rows);
+        kept.trace = episodes.trace();
+        Ok((kept, taken))
+    }
+}
+
+impl Engine for Shac {
+    fn roll(
+        &mut self,
+        episodes: &mut Episodes,
+        running: &mut Running,
+        policy: &Policy,
+        config: &PpoConfig,
+        noise: StreamKey,
+    ) -> Result<Taken> {
+        let (steps, taken) = self.steps(episodes, running, policy, config, noise)?;
+        let value = self.value(policy);
+        (self.gradient, self.earned) = back::gradient(&steps, episodes, policy, &value, config, self.team.all)?;
+        let values = |rows: &[f64]| if rows.is_empty() { Vec::new() } else { value.values(&value.answer(rows)) };
+        let (acted, last) = steps.rows.split_at(steps.rows.len() - running.stack.rows.len());
+        let (own, came) = (values(acted), (&steps.rewards[..], &steps.ends[..]));
+        let gains = advantages(came, (&own, &values(last), &values(&steps.cut)), config.gamma, config.lambda);
+        self.returns = gains.iter().zip(&own).map(|(gain, value)| gain + value).collect();
+        self.rows = acted.to_vec();
+        Ok(taken)
+    }
+
+    fn update(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, orders: StreamKey) -> Result<Updated> {
+        let mut gradient = std::mem::take(&mut self.gradient);
+        self.team.ranks.sum(&mut gradient)?;
+        let left = (1.0 - orders.number as f64 / config.iterations as f64).max(LEAST);
+        (adam.rate, self.adam.rate) = (config.rate * left, config.rate * left);
+        // As many as it has made, also in a run that goes on.
+        self.adam.step = adam.step * (config.epochs * config.steps().div_ceil(config.minibatch)) as u64;
+        let norm = adam.step(BETA, &mut policy.flat, &gradient, config.gradient_norm);
+        policy.returns.absorb(&self.team.pool(RunningMoments::of(&self.returns, 1))?);
+        let critic = self.learn(policy, config, orders)?;
+        self.slow.iter_mut().zip(&self.critic.flat).for_each(|(slow, w)| *slow = KEPT * *slow + (1.0 - KEPT) * w);
+        policy.seen.absorb(&self.team.pool(RunningMoments::of(&self.rows, policy.shape.inputs()))?);
+        let entropy = policy.spread().iter().map(|s| f64::from(*s) + 0.5 * (std::f64::consts::TAU.ln() + 1.0)).sum();
+        let terms = Terms { actor: -self.earned, critic, entropy, ..Terms::default() };
+        Ok(Updated { terms, gradient_norm: norm.into() })
+    }
+
+    fn learned(&mut self) -> Vec<(&'static str, &mut Vec<f32>)> {
+        let Self { critic, slow, adam: Adam { m, v, .. }, .. } = self;
+        vec![("critic", &mut critic.flat), ("critic.slow", slow), ("critic.m", m), ("critic.v", v)]
+    }
+}
