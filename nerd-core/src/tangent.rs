@@ -5,7 +5,7 @@
 use nalgebra::Quaternion;
 
 use crate::contact::{ContactEvent, ContactPoint, Locus};
-use crate::dynamics::point_position;
+use crate::dynamics::{onto, point_position};
 use crate::frames::own_velocity;
 use crate::prelude::*;
 use crate::spatial::Wrench;
@@ -100,20 +100,14 @@ pub fn push(data: &Data, point: &ContactPoint, event: &ContactEvent, force: Vect
 /// Adds to `slope` what wrenches on links, about the common origin, do along each number of the pose; each takes those of the links that
 /// it carries.
 pub fn wrenches_back(robot: &Robot, data: &Data, loads: &mut [Wrench], slope: &mut [f64]) {
-    for (i, link) in robot.links.iter().enumerate().rev() {
-        let load = loads[i];
-        match link.joint {
-            Some(_) => slope[data.dof[i]] += data.axis[i].dot(&load),
-            None => {
-                let (r, x) = (data.rotation[i], data.position[i]);
-                let parts = [r.tr_mul(&(load.ang - x.cross(&load.lin))), r.tr_mul(&load.lin)];
-                slope.iter_mut().zip(parts.iter().flatten()).for_each(|(s, g)| *s += g);
-            }
-        }
-        if let Some(parent) = link.parent {
-            loads[parent] += load;
-        }
+    let mut along = vec![0.0; robot.nv()];
+    onto(robot, data, loads, &mut along);
+    if robot.floating() {
+        let (r, x, [moment, force]) = (data.rotation[0], data.position[0], [0, 3].map(|at| vector(&along[at..])));
+        let parts = [r.tr_mul(&(moment - x.cross(&force))), r.tr_mul(&force)];
+        along.iter_mut().zip(parts.iter().flatten()).for_each(|(a, part)| *a = *part);
     }
+    slope.iter_mut().zip(along).for_each(|(s, a)| *s += a);
 }
 
 /// The vector part of `a^-1 b`, and the sign by which that is the shorter way.

@@ -9,9 +9,7 @@ mod common;
 use std::f64::consts::{PI, TAU};
 
 use common::*;
-use nalgebra::UnitQuaternion;
-use nerd_core::prelude::*;
-use nerd_core::state::{quaternion, vector, wrap_state, write_quaternion};
+use nerd_core::state::wrap_state;
 
 /// What is at the world's origin moves with the twist, the root's own origin with the local velocity.
 #[test]

@@ -18,7 +18,7 @@ const DEEP: usize = 20;
 /// Words before the name of what a module defines.
 const DEFINE: [&str; 8] = ["const", "enum", "fn", "static", "struct", "trait", "type", "mod"];
 
-/// A file as a module. A name may mean several things: a module and a function, say.
+/// A file as a module, or a module in a file. A name may mean several things: a module and a function, say.
 #[derive(Default)]
 struct Module {
     file: PathBuf,
@@ -58,7 +58,7 @@ fn of_crate(src: &Path) -> Result<Vec<String>> {
         for (line, path) in &module.used {
             for target in resolve(&modules, id, path, 0) {
                 let Target::In(home) = target else { continue };
-                if home != id {
+                if modules[home].file != module.file {
                     let [from, to] = parted(&module.file, &modules[home].file);
                     *graph.entry(from.clone()).or_default().entry(to.clone()).or_default() += 1;
                     behind.entry((from, to)).or_default().insert(format!("{}:{line} {}", module.file.display(), path.join("::")));
@@ -78,138 +78,112 @@ fn of_crate(src: &Path) -> Result<Vec<String>> {
 
 /// The modules of all files; the root is the first.
 fn read(src: &Path) -> Result<Vec<Module>> {
-    let is_root = |path: &PathBuf| ["lib.rs", "main.rs"].iter().any(|name| *path == src.join(name));
-    let mut files: Vec<PathBuf> = below(src)?.into_iter().filter(|path| path.extension().is_some_and(|e| e == "rs")).collect();
-    // A module comes behind those that it is in.
-    files.sort_by_key(|path| (!is_root(path), path.components().count(), !path.ends_with("mod.rs")));
-    let mut modules: Vec<Module> = Vec::new();
-    for path in &files {
-        let text = std::fs::read_to_string(path).with_context(|| format!("cannot read {}", path.display()))?;
+    let mut modules = vec![Module::default()];
+    for path in below(src)?.into_iter().filter(|path| path.extension().is_some_and(|e| e == "rs")) {
+        let text = std::fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))?;
         let tokens = text.parse::<TokenStream>().map_err(|e| anyhow::anyhow!("{}: {e}", path.display()))?;
-        let file = path.strip_prefix(src).unwrap_or(path).to_path_buf();
-        let name = if file.ends_with("mod.rs") { file.parent().unwrap_or(&file).to_path_buf() } else { file.with_extension("") };
-        let parent = name.parent().into_iter().flatten().fold(0, |at, part| {
-            let part = part.to_string_lossy();
-            modules.get(at).and_then(|module| module.children.get(&*part)).copied().unwrap_or(at)
-        });
-        let id = modules.len();
-        if let Some(above) = modules.get_mut(parent) {
-            above.children.insert(name.file_name().unwrap_or_default().to_string_lossy().into_owned(), id);
-        }
-        let (mut words, mut module) = (Vec::new(), Module { file, parent, ..Module::default() });
-        flat(tokens, &mut words);
-        module.scan(&words);
-        modules.push(module);
+        let file = path.strip_prefix(src).unwrap_or(&path);
+        let mut names: Vec<_> = file.with_extension("").iter().map(|name| name.to_string_lossy().into_owned()).collect();
+        names.pop_if(|name| ["lib", "main", "mod"].contains(&name.as_str()));
+        let id = names.iter().fold(0, |above, name| child(&mut modules, above, name));
+        modules[id].file = file.into();
+        scan(&mut modules, id, &tokens.into_iter().collect::<Vec<_>>(), true);
     }
     Ok(modules)
 }
 
-/// Words, marks and brackets with their lines.
-fn flat(tokens: TokenStream, out: &mut Vec<(String, usize)>) {
-    for token in tokens {
-        let line = token.span().start().line;
-        match token {
-            TokenTree::Group(group) => {
-                let [open, close] = match group.delimiter() {
-                    Delimiter::Parenthesis => ["(", ")"],
-                    Delimiter::Bracket => ["[", "]"],
-                    _ => ["{", "}"],
-                };
-                out.push((open.into(), line));
-                flat(group.stream(), out);
-                out.push((close.into(), line));
+/// The module of this name in another.
+fn child(modules: &mut Vec<Module>, above: usize, name: &str) -> usize {
+    let (new, file) = (modules.len(), modules[above].file.clone());
+    let id = *modules[above].children.entry(name.into()).or_insert(new);
+    if id == new {
+        modules.push(Module { file, parent: above, ..Module::default() });
+    }
+    id
+}
+
+/// What a module's tokens define, import and use; those at its `top`, or within something of it.
+fn scan(modules: &mut Vec<Module>, id: usize, tokens: &[TokenTree], top: bool) {
+    let word = |k: usize| if let Some(TokenTree::Ident(name)) = tokens.get(k) { name.to_string() } else { String::new() };
+    let mark = |k: usize, mark: char| matches!(tokens.get(k), Some(TokenTree::Punct(found)) if found.as_char() == mark);
+    let within = |k: usize, kind: Delimiter| match tokens.get(k) {
+        Some(TokenTree::Group(group)) if group.delimiter() == kind => Some(group.stream().into_iter().collect::<Vec<_>>()),
+        _ => None,
+    };
+    let path_sign = |k: usize| mark(k, ':') && mark(k + 1, ':');
+    let mut k = 0;
+    while k < tokens.len() {
+        let (name, line) = (word(k), tokens[k].span().start().line);
+        if mark(k, '#') && within(k + 1, Delimiter::Bracket).is_some_and(|attribute| of_tests(&attribute)) {
+            // To the end of its braces or its semicolon.
+            while k < tokens.len() && !mark(k, ';') && within(k, Delimiter::Brace).is_none() {
+                k += 1;
             }
-            TokenTree::Literal(_) => out.push(("0".into(), line)),
-            word => out.push((word.to_string(), line)),
+        } else if name == "use" {
+            // A public one is no use.
+            let private = k == 0 || word(k - 1) != "pub" && within(k - 1, Delimiter::Parenthesis).is_none();
+            let first = k + 1;
+            while !mark(k, ';') && k < tokens.len() {
+                k += 1;
+            }
+            for (line, name, path) in imported(&tokens[first..k], &[]) {
+                modules[id].used.extend(private.then(|| (line, path.clone())));
+                modules[id].imports.push((name, path));
+            }
+        } else if let (true, "mod", Some(inner)) = (top, &*name, within(k + 2, Delimiter::Brace)) {
+            let inside = child(modules, id, &word(k + 1));
+            scan(modules, inside, &inner, true);
+            k += 2;
+        } else if let TokenTree::Group(group) = &tokens[k] {
+            scan(modules, id, &group.stream().into_iter().collect::<Vec<_>>(), false);
+        } else if !name.is_empty() {
+            // Not of `&'static Name` and `*const Name`.
+            let defines = k == 0 || !mark(k - 1, '\'') && !mark(k - 1, '*');
+            if top && defines && DEFINE.contains(&&*name) {
+                modules[id].defined.insert(word(k + 1));
+            }
+            // What follows a dot or two colons is part of something else; a small name alone is a variable, unless it is called.
+            let inside = k > 0 && (mark(k - 1, '.') || k > 1 && path_sign(k - 2));
+            let mut path = vec![name];
+            while path_sign(k + 1) && !word(k + 3).is_empty() {
+                k += 3;
+                path.push(word(k));
+            }
+            let called = within(k + 1, Delimiter::Parenthesis).is_some() || mark(k + 1, '!');
+            if !inside && (path.len() > 1 || path[0].starts_with(char::is_uppercase) || called) {
+                modules[id].used.insert((line, path));
+            }
         }
+        k += 1;
     }
 }
 
-impl Module {
-    fn scan(&mut self, words: &[(String, usize)]) {
-        let word = |k: usize| words.get(k).map_or("", |word| &word.0);
-        let name = |k: usize| word(k).starts_with(|c: char| c.is_alphabetic() || c == '_');
-        let (mut k, mut depth) = (0, 0);
-        while k < words.len() {
-            match word(k) {
-                "{" | "(" | "[" => depth += 1,
-                "}" | ")" | "]" => depth -= 1,
-                // What is for tests alone, to the end of its braces or its semicolon.
-                "#" if ["cfg ( test )", "test ]"].iter().any(|tests| tests.split(' ').enumerate().all(|(i, w)| word(k + 2 + i) == w)) => {
-                    let mut inside = 0;
-                    while k < words.len() && !(inside == 1 && word(k) == "}" || inside == 0 && word(k) == ";") {
-                        inside += match word(k) {
-                            "{" | "(" | "[" => 1,
-                            "}" | ")" | "]" => -1,
-                            _ => 0,
-                        };
-                        k += 1;
-                    }
-                }
-                "use" => {
-                    // A public one is no use.
-                    let private = k == 0 || !["pub", ")"].contains(&word(k - 1));
-                    k = self.import(words, k + 1, &[], private);
-                }
-                _ if name(k) => {
-                    if depth == 0 && DEFINE.contains(&word(k)) && name(k + 1) {
-                        self.defined.insert(word(k + 1).into());
-                    }
-                    // What follows a dot or two colons is part of something else; a small name alone is a variable, unless it is called.
-                    let inside = k > 0 && (word(k - 1) == "." || k > 1 && word(k - 1) == ":" && word(k - 2) == ":");
-                    let (mut path, line) = (vec![word(k).to_string()], words[k].1);
-                    while word(k + 1) == ":" && word(k + 2) == ":" && name(k + 3) {
-                        k += 3;
-                        path.push(word(k).into());
-                    }
-                    if !inside && (path.len() > 1 || path[0].starts_with(char::is_uppercase) || ["(", "!"].contains(&word(k + 1))) {
-                        self.used.insert((line, path));
-                    }
-                }
+/// Whether an attribute says that an item is for tests alone.
+fn of_tests(attribute: &[TokenTree]) -> bool {
+    match attribute {
+        [TokenTree::Ident(name)] => name == "test",
+        [TokenTree::Ident(name), TokenTree::Group(when)] => name == "cfg" && when.stream().to_string() == "test",
+        _ => false,
+    }
+}
+
+/// The names of a `use`, below a path, with their lines and what they stand for.
+fn imported(tokens: &[TokenTree], above: &[String]) -> Vec<(usize, String, Vec<String>)> {
+    let one = |tokens: &[TokenTree]| {
+        let (mut path, line) = (above.to_vec(), tokens[0].span().start().line);
+        for (k, token) in tokens.iter().enumerate() {
+            match token {
+                TokenTree::Group(group) => return imported(&group.stream().into_iter().collect::<Vec<_>>(), &path),
+                TokenTree::Ident(name) if name == "as" => return vec![(line, tokens[k + 1].to_string(), path)],
+                TokenTree::Punct(mark) if mark.as_char() == '*' => return vec![(line, "*".into(), path)],
+                TokenTree::Ident(name) if path.is_empty() || name != "self" => path.push(name.to_string()),
                 _ => {}
             }
-            k += 1;
         }
-    }
-
-    /// Takes the names of a `use` from a place on, below a path; the place behind them.
-    fn import(&mut self, words: &[(String, usize)], mut k: usize, above: &[String], private: bool) -> usize {
-        let word = |k: usize| words.get(k).map_or("", |word| &word.0);
-        let (mut path, mut named, line) = (above.to_vec(), false, words.get(k).map_or(0, |word| word.1));
-        loop {
-            match word(k) {
-                ":" => {}
-                "{" => {
-                    while !["}", ""].contains(&word(k)) {
-                        k = self.import(words, k + 1, &path, private);
-                    }
-                    return k + 1;
-                }
-                "as" => {
-                    self.imports.push((word(k + 1).into(), path.clone()));
-                    k += 1;
-                }
-                "," | "}" | ";" | "" => {
-                    let last = path.last().cloned().unwrap_or_default();
-                    if last == "*" {
-                        path.pop();
-                    }
-                    if named && word(k - 2) != "as" {
-                        self.imports.push((last, path.clone()));
-                    }
-                    if named && private {
-                        self.used.insert((line, path));
-                    }
-                    return k;
-                }
-                part => {
-                    named = true;
-                    path.extend((part != "self" || path.is_empty()).then(|| part.to_string()));
-                }
-            }
-            k += 1;
-        }
-    }
+        vec![(line, path.last().cloned().unwrap_or_default(), path)]
+    };
+    let parts = tokens.split(|token| matches!(token, TokenTree::Punct(mark) if mark.as_char() == ','));
+    parts.filter(|part| !part.is_empty()).flat_map(one).collect()
 }
 
 fn resolve(modules: &[Module], from: usize, path: &[String], deep: usize) -> Vec<Target> {
@@ -238,9 +212,11 @@ fn lookup(modules: &[Module], id: usize, name: &str, deep: usize) -> Vec<Target>
     let own = (child.is_none() && module.defined.contains(name)).then_some(Target::In(id));
     let mut targets: Vec<Target> = child.into_iter().chain(own).collect();
     for (known, path) in &module.imports {
+        // Names of another crate are nobody's here.
+        let own = ["crate", "self", "super"].contains(&&*path[0]) || module.children.contains_key(&path[0]);
         if known == name {
             targets.extend(resolve(modules, id, path, deep + 1));
-        } else if known == "*" && targets.is_empty() {
+        } else if known == "*" && own && targets.is_empty() {
             for target in resolve(modules, id, path, deep + 1) {
                 if let Target::Module(other) = target {
                     targets.extend(lookup(modules, other, name, deep + 1));
@@ -331,11 +307,23 @@ mod tests {
     }
 
     #[test]
+    fn one_through_a_prelude_is_found() {
+        let lib = ("lib.rs", "mod a;\nmod b;\nmod prelude {\n    pub use crate::b::Second;\n}\n");
+        let a = ("a.rs", "use crate::prelude::*;\npub struct First(Second);\n");
+        let b = ("b.rs", "use crate::a::First;\npub struct Second(First);\n");
+        assert_eq!(circles_of(&[lib, a, b]), ["b.rs -> a.rs -> b.rs, closed by a.rs:2 Second"]);
+    }
+
+    #[test]
     fn tests_declarations_and_reexports_close_none() {
         let lib = ("lib.rs", "mod a;\nmod b;\npub use b::Second;\n#[cfg(test)]\nmod tests { use super::b::Second; }\n");
         let a = ("a.rs", "pub struct First;\n#[cfg(test)]\nmod tests {\n    use crate::Second;\n}\n");
         let b =
             ("b.rs", "use crate::a::First;\npub struct Second(First);\npub fn number() -> usize {\n    let second = 2;\n    second\n}\n");
         assert_eq!(circles_of(&[lib, a, b]), [""; 0]);
+        // A lifetime before a name defines nothing.
+        let rows = ("rows/mod.rs", "mod one;\nuse crate::row::Row;\npub fn all() -> &'static Row {\n    &one::ROW\n}\n");
+        let one = ("rows/one.rs", "use super::*;\npub static ROW: Row = Row;\n");
+        assert_eq!(circles_of(&[("lib.rs", "mod row;\nmod rows;\n"), ("row.rs", "pub struct Row;\n"), rows, one]), [""; 0]);
     }
 }

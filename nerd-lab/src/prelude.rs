@@ -1,8 +1,10 @@
 //! What most files of the laboratory use.
 
+pub(crate) use std::collections::BTreeMap;
 pub(crate) use std::path::{Path, PathBuf};
+pub(crate) use std::time::{Duration, Instant};
 
-pub(crate) use anyhow::{Error, Result, bail};
+pub(crate) use anyhow::{Context, Error, Result, bail};
 pub(crate) use nerd_model::folder::{Model, ModelConfig};
 pub(crate) use nerd_model::pick::Setting;
 pub(crate) use nerd_sim::prelude::*;
@@ -14,6 +16,7 @@ pub(crate) use nerd_train::progress::{self, bar};
 pub(crate) use nerd_train::settings::settings;
 pub(crate) use nerd_train::shipped;
 pub(crate) use nerd_train::stats::mean;
+pub(crate) use serde::de::DeserializeOwned;
 pub(crate) use serde::{Deserialize, Serialize};
 
 pub(crate) use crate::experiments::{About, Experiment, Measured};

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use crate::folder::Model;
 use crate::frame::Frame;
 use crate::program::cpu::Loaded;
-use crate::transformer::{Architecture, Stream, packed};
+use crate::transformer::{Architecture, ForwardError, Stream, packed};
 
 /// Environments that one thread prepares in a row.
 const CHUNK: usize = 16;
@@ -90,7 +90,7 @@ impl Solver for Neural {
         let chunks = self.tokens.par_chunks_mut(CHUNK * network.inputs).zip(&mut self.frames).enumerate();
         chunks.for_each(|(i, (tokens, frame))| frame.tell(before, torques, aside, i * CHUNK, tokens));
 
-        self.network.push(&self.tokens, &mut self.predictions).map_err(|e| StepError::Solver(e.to_string()))?;
+        self.network.push(&self.tokens, &mut self.predictions).map_err(failed)?;
 
         let size = CHUNK * network.outputs;
         let chunks = self.next.par_chunks_mut(size).zip(self.predictions.par_chunks(size)).zip(&mut self.frames).enumerate();
@@ -131,4 +131,23 @@ impl Solver for Neural {
     fn reset(&mut self, env: usize) {
         self.network.clear(env);
     }
+
+    /// The frame of the newest token, then what the network keeps.
+    fn remembered(&self, env: usize) -> Result<Vec<f64>, StepError> {
+        let Some(newest) = self.newest.get(env).filter(|_| self.model.config.network.reach() > 1) else { return Ok(Vec::new()) };
+        let kept = self.network.remembered(env).map_err(failed)?;
+        Ok(if kept.is_empty() { kept } else { [*newest as f64].into_iter().chain(kept).collect() })
+    }
+
+    fn recall(&mut self, env: usize, memory: &[f64]) -> Result<(), StepError> {
+        self.network.clear(env);
+        let Some((frame, kept)) = memory.split_first() else { return Ok(()) };
+        self.network.recall(env, kept).map_err(failed)?;
+        self.newest[env] = *frame as u64;
+        Ok(())
+    }
+}
+
+fn failed(error: ForwardError) -> StepError {
+    StepError::Solver(error.to_string())
 }

@@ -48,6 +48,23 @@ fn history_matters_and_a_reset_ends_it_for_that_environment_alone() {
 }
 
 #[test]
+fn a_fork_goes_on_with_the_same_memory() {
+    for positions in POSITIONS {
+        let mut all = simulation("ground1", 3, positions);
+        run(&mut all, 14);
+        let mut bare = simulation("ground1", 1, positions);
+        bare.reset(0, all.batch.state(0));
+        all.fork(0, 2).expect("on the CPU");
+        assert_eq!((all.batch.state(0), all.batch.frames[0]), (all.batch.state(2), all.batch.frames[2]));
+        run(&mut all, 12);
+        run(&mut bare, 12);
+        let apart = [all.batch.state(2), bare.batch.state(0)].map(|state| gap(all.batch.state(0), state));
+        println!("12 frames on: a fork {:.1e} from its original, without memory {:.1e}", apart[0], apart[1]);
+        assert!(apart[0] < BOUND && apart[1] > 10.0 * BOUND, "{apart:?}");
+    }
+}
+
+#[test]
 fn frames_of_another_solver_in_between_empty_the_window() {
     for positions in POSITIONS {
         let mut swapped = simulation("ground1", 2, positions);

@@ -7,7 +7,6 @@ mod common;
 
 use common::*;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use nerd_sim::prelude::*;
 
 /// After so many frames a batch starts anew, so that every sample sees the same mix of flight and contact.
 const EPISODE: usize = 100;

@@ -135,6 +135,17 @@ impl Batch {
         self.frames[env] = 0;
     }
 
+    /// Makes environment `to` a copy of `from`; [`crate::solver::Simulation::fork`] copies what its solver remembers, too.
+    pub(crate) fn fork(&mut self, from: usize, to: usize) {
+        let places = (self.len(), from, to);
+        copy(&mut self.states, places);
+        copy(&mut self.scenes, places);
+        copy(&mut self.frames, places);
+        copy(&mut self.systems, places);
+        copy(&mut self.drives, places);
+        copy(&mut self.forces, places);
+    }
+
     /// Position (rad or m) and velocity (rad/s or m/s) of a joint.
     pub fn joint(&self, env: usize, name: &str) -> Result<[f64; 2], UnknownName> {
         let (at, nq) = (self.system.robot.joint(name)?, self.system.robot.nq());
@@ -188,4 +199,10 @@ impl Batch {
         let points = robot.contact_points.iter().zip(self.forces_on(env));
         Ok(points.filter(|(point, _)| point.link == link).map(|(_, force)| force).sum())
     }
+}
+
+/// Of `n` equal rows copies one to another.
+fn copy<T: Clone>(rows: &mut [T], (n, from, to): (usize, usize, usize)) {
+    let width = rows.len() / n;
+    (0..width).for_each(|k| rows[to * width + k] = rows[from * width + k].clone());
 }

@@ -28,7 +28,7 @@ use std::time::{Duration, Instant};
 
 use crate::batch::Batch;
 use crate::sampling::{normal, stream};
-use crate::solver::{Capabilities, Solver, StepError, commit};
+use crate::solver::{Solver, StepError, commit};
 use crate::system::System;
 
 /// Adds up the time its solver takes, and nothing else's.
@@ -55,12 +55,12 @@ impl<S: Solver> Solver for Timed<S> {
         done
     }
 
-    fn reset(&mut self, env: usize) {
-        self.solver.reset(env);
+    fn inner(&self) -> Option<&dyn Solver> {
+        Some(&self.solver)
     }
 
-    fn capabilities(&self) -> Capabilities {
-        self.solver.capabilities()
+    fn inner_mut(&mut self) -> Option<&mut dyn Solver> {
+        Some(&mut self.solver)
     }
 }
 
@@ -90,12 +90,12 @@ impl<S: Solver> Solver for Recorder<S> {
         done
     }
 
-    fn reset(&mut self, env: usize) {
-        self.solver.reset(env);
+    fn inner(&self) -> Option<&dyn Solver> {
+        Some(&self.solver)
     }
 
-    fn capabilities(&self) -> Capabilities {
-        self.solver.capabilities()
+    fn inner_mut(&mut self) -> Option<&mut dyn Solver> {
+        Some(&mut self.solver)
     }
 }
 
@@ -127,12 +127,12 @@ impl<S: Solver> Solver for Shaken<S> {
         Ok(())
     }
 
-    fn reset(&mut self, env: usize) {
-        self.solver.reset(env);
+    fn inner(&self) -> Option<&dyn Solver> {
+        Some(&self.solver)
     }
 
-    fn capabilities(&self) -> Capabilities {
-        self.solver.capabilities()
+    fn inner_mut(&mut self) -> Option<&mut dyn Solver> {
+        Some(&mut self.solver)
     }
 }
 

@@ -8,7 +8,6 @@ use std::alloc::{GlobalAlloc, Layout, System as Heap};
 use std::cell::Cell;
 
 use common::*;
-use nerd_sim::prelude::*;
 
 struct Counting;
 

@@ -6,9 +6,8 @@ mod cpp;
 use common::*;
 use cpp::Compiler;
 use nerd_sim::articulated::device::{Reach, Real, packed, program, record};
-use nerd_sim::dataset::{GenerateConfig, begin};
+use nerd_sim::dataset::begin;
 use nerd_sim::drive::holding;
-use nerd_sim::prelude::*;
 
 /// How far kernels are from the solver after some frames: the largest difference of each environment's state, relative to 1 and to its
 /// size, and that of all forces, relative to the robot's weight.

@@ -7,7 +7,6 @@
 mod common;
 
 use common::*;
-use nerd_sim::prelude::*;
 
 /// Rows of one trajectory: states and torques by step.
 #[derive(Default)]

@@ -1,4 +1,4 @@
-//! What the three tasks of the Ant share (paper A.3.1.2). World up is +y, forward is +x; m, rad, s.
+//! What the tasks of the Ant share (paper A.3.1.2; `Point` is our own). World up is +y, forward is +x; m, rad, s.
 //!
 //! Observation: 29 numbers ([`crate::body::observe`]). Action: torque of eight joints, 1 is 400 N m. Over when the torso's
 //! origin is below 0.3 m; truncated after 500 steps of 1/60 s. Starts: the `reset` ranges of `ant.toml`.
@@ -16,10 +16,17 @@ pub enum Ant {
     Spin,
     /// About world +y at 5 rad/s: `R = 5 exp(-(w_y - 5)^2 - 0.1 w_x^2 - 0.1 w_z^2) + 0.1 p_up`, w in rad/s.
     SpinTrack,
+    /// To a point drawn from a square of 6 m, and stay there: `R = 5 - d + 0.1 p_up`, d the torso's horizontal distance from it (m). The
+    /// way there, along world x and z (m), is observed, too.
+    Point,
 }
 
 /// Height (m) below which it is over.
 const LOWEST: f64 = 0.3;
+/// Box of points (m), low and high.
+const POINTS: [[f64; 2]; 3] = [[-3.0, 3.0], [0.5, 0.5], [-3.0, 3.0]];
+/// Distance within which it is there (m).
+const NEAR: f64 = 0.5;
 
 impl Formulas for Ant {
     fn about(&self) -> About {
@@ -27,12 +34,21 @@ impl Formulas for Ant {
             Self::Run => "ant-run",
             Self::Spin => "ant-spin",
             Self::SpinTrack => "ant-spin-track",
+            Self::Point => "ant-point",
         };
-        About { name, robot: "ant", scene: "ground", observation: 29, action: 8, steps: 500, frames: 1 }
+        let observation = if *self == Self::Point { 31 } else { 29 };
+        About { name, robot: "ant", scene: "ground", observation, action: 8, steps: 500, frames: 1 }
+    }
+
+    fn goal(&self) -> &'static [[f64; 2]] {
+        if *self == Self::Point { &POINTS } else { &[] }
     }
 
     fn observe<N: Number>(&self, sight: &mut impl Sight<N>, out: &mut [N]) {
-        observe(sight, out);
+        observe(sight, &mut out[..29]);
+        if *self == Self::Point {
+            out[29..].copy_from_slice(&way(sight));
+        }
     }
 
     fn act<N: Number>(&self, sight: &mut impl Sight<N>, action: &[N], torques: &mut [N]) {
@@ -48,10 +64,26 @@ impl Formulas for Ant {
                 let away = (y - N::from(5.0)).squared() + tenth * x.squared() + tenth * z.squared();
                 N::from(5.0) * (-away).exp() + tenth * up
             }
+            Self::Point => N::from(5.0) - distance(sight) + tenth * up,
         }
+    }
+
+    fn miss<N: Number>(&self, sight: &mut impl Sight<N>) -> Option<N> {
+        (*self == Self::Point).then(|| distance(sight) / N::from(NEAR))
     }
 
     fn over<N: Number>(&self, sight: &mut impl Sight<N>) -> N {
         sight.q(1).below(N::from(LOWEST))
     }
+}
+
+/// From the torso to the point, along world x and z (m).
+fn way<N: Number>(sight: &impl Sight<N>) -> [N; 2] {
+    [0, 2].map(|k| sight.goal(k) - sight.q(k))
+}
+
+/// Of the torso from the point, along the ground (m).
+fn distance<N: Number>(sight: &impl Sight<N>) -> N {
+    let [x, z] = way(sight);
+    (x.squared() + z.squared()).sqrt()
 }

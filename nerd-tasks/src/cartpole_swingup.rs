@@ -16,6 +16,9 @@ use crate::formula::{Formulas, Number, Sight};
 #[derive(Clone, Copy, Debug, Default)]
 pub struct CartpoleSwingup;
 
+/// Angle from upright within which it is up (rad).
+const NEAR: f64 = 0.2;
+
 /// Force of an action of 1 (N).
 const FORCE: f64 = 1500.0;
 
@@ -36,6 +39,10 @@ impl Formulas for CartpoleSwingup {
         let (x, theta, tenth) = (sight.q(0), sight.q(1).wrap(), N::from(0.1));
         let moved = tenth * sight.qd(1).squared() + tenth * sight.qd(0).squared();
         N::from(5.0) - theta.squared() - N::from(0.05) * x.squared() - moved
+    }
+
+    fn miss<N: Number>(&self, sight: &mut impl Sight<N>) -> Option<N> {
+        Some(sight.q(1).wrap().abs() / N::from(NEAR))
     }
 
     fn over<N: Number>(&self, sight: &mut impl Sight<N>) -> N {

@@ -174,6 +174,28 @@ impl Episodes {
         Ok(result)
     }
 
+    /// Puts an environment where environment `from` of other episodes of this task is. Its solver forgets what was.
+    ///
+    /// # Panics
+    /// If there is no such environment, or the task is another one.
+    pub fn place(&mut self, env: usize, of: &Self, from: usize) {
+        let (width, theirs) = (self.task.goal_dim(), &of.simulation.batch);
+        self.simulation.reset(env, theirs.state(from));
+        self.simulation.batch.frames[env] = theirs.frames[from];
+        self.simulation.batch.scenes[env] = theirs.scenes[from].clone();
+        self.goals[env * width..][..width].copy_from_slice(&of.goals[from * width..][..width]);
+    }
+
+    /// Makes environment `to` a copy of `from`, with what the solver remembers of it.
+    ///
+    /// # Errors
+    /// As [`Simulation::fork`].
+    pub fn fork(&mut self, from: usize, to: usize) -> Result<(), StepError> {
+        let width = self.task.goal_dim();
+        self.goals.copy_within(from * width..(from + 1) * width, to * width);
+        self.simulation.fork(from, to)
+    }
+
     /// What later steps depend on.
     pub fn snapshot(&self) -> Snapshot {
         let batch = &self.simulation.batch;

@@ -29,6 +29,8 @@ pub enum FrankaReach {
 const TOOL: [f64; 3] = [0.0, 0.0, 0.212_07];
 /// Box of targets (m), low and high.
 const TARGETS: [[f64; 2]; 3] = [[0.3, 0.7], [-0.35, 0.35], [0.05, 0.45]];
+/// Distance within which it is there (m).
+const NEAR: f64 = 0.05;
 
 /// Joints; also numbers of an action.
 const JOINTS: usize = 7;
@@ -57,11 +59,19 @@ impl Formulas for FrankaReach {
         torques.iter_mut().zip(gains).zip(action).for_each(|((tau, gain), a)| *tau = N::from(gain) * *a);
     }
 
+    fn miss<N: Number>(&self, sight: &mut impl Sight<N>) -> Option<N> {
+        Some(distance(sight) / N::from(NEAR))
+    }
+
     fn reward<N: Number>(&self, sight: &mut impl Sight<N>, _torques: &[N]) -> N {
-        let tool = sight.place(JOINTS - 1, TOOL);
-        let square = (0..3).fold(N::from(0.0), |sum, k| sum + (tool[k] - sight.goal(k)).squared());
-        let d = square.sqrt();
+        let d = distance(sight);
         let peak = |k: f64| N::from(1.0) / ((N::from(k) * d).exp() + (N::from(-k) * d).exp() + N::from(1e-4));
         -d + peak(50.0) + peak(300.0)
     }
+}
+
+/// Of the end effector from its target (m).
+fn distance<N: Number>(sight: &mut impl Sight<N>) -> N {
+    let tool = sight.place(JOINTS - 1, TOOL);
+    (0..3).fold(N::from(0.0), |sum, k| sum + (tool[k] - sight.goal(k)).squared()).sqrt()
 }

@@ -9,6 +9,7 @@ mod episodes;
 pub mod formula;
 mod franka_reach;
 mod lead_tip;
+pub mod plan;
 mod registry;
 mod snapshot;
 mod task;

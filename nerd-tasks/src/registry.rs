@@ -8,7 +8,7 @@ use crate::{Ant, Anymal, CartpoleSwingup, FrankaReach, LeadTip, Task};
 pub struct TaskError(pub String);
 
 /// All of them, the paper's in the order of its table, then others.
-fn all() -> [Box<dyn Task>; 9] {
+fn all() -> [Box<dyn Task>; 10] {
     [
         Box::new(CartpoleSwingup),
         Box::new(FrankaReach::Position),
@@ -19,6 +19,7 @@ fn all() -> [Box<dyn Task>; 9] {
         Box::new(Anymal::Forward),
         Box::new(Anymal::Side),
         Box::new(LeadTip),
+        Box::new(Ant::Point),
     ]
 }
 

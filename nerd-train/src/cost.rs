@@ -1,7 +1,5 @@
 //! The cost of a frame: the shortest of several runs on one core. Every timing in a figure comes from here.
 
-use std::time::Duration;
-
 use nerd_sim::instruments::{Replay, Timed};
 
 use crate::evaluate::{PassiveConfig, PassiveReport, passive};

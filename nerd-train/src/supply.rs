@@ -6,7 +6,6 @@
 
 use std::sync::mpsc::{Receiver, sync_channel};
 
-use nerd_model::form::Form;
 use nerd_sim::dataset::DatasetError;
 
 use crate::prelude::*;

@@ -1,12 +1,9 @@
 //! `cargo xtask campaign --cases 1000000 --kills 500 --out results`: hostile input by the million, tried by [`nerd_lab::campaign`].
 
-use std::path::PathBuf;
-
-use anyhow::{Result, bail};
 use nerd_lab::campaign::{Campaign, Found, replay};
 use nerd_lab::experiments::{Experiment, conduct};
 
-use crate::options::Keys;
+use crate::prelude::*;
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct CampaignArgs {

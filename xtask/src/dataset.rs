@@ -4,14 +4,11 @@
 //! A shard is written whole or not at all; the same command again keeps existing shards and makes missing ones. `--part 3/8` makes the
 //! third of eight parts, into the same folder as the others (docs/many-gpus.md).
 
-use std::path::PathBuf;
-
-use anyhow::Result;
 use nerd_sim::dataset::Part;
-use nerd_sim::prelude::*;
 use nerd_train::run::RecordConfig;
 
-use crate::options::{Keys, TRANSITIONS, Whole, value};
+use crate::options::TRANSITIONS;
+use crate::prelude::*;
 use crate::ranks::alone;
 
 #[derive(clap::Args, Clone, Debug)]

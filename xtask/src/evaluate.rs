@@ -1,17 +1,11 @@
 //! `cargo xtask evaluate --robot pendulum --scene ground1 --solver neural --starts 2048`: passive motion against the truth, a
 //! model's against the one it learned ([`nerd_lab::experiments::passive`]).
 
-use std::path::PathBuf;
-
-use anyhow::{Result, bail};
-use nerd_lab::choice::Choice;
 use nerd_lab::experiments::passive::{Case, Passive, Protocol};
 use nerd_lab::page::motions;
-use nerd_sim::prelude::*;
-use nerd_train::shipped::results;
 
-use crate::options::Keys;
 use crate::out::{self, conduct, tables};
+use crate::prelude::*;
 use crate::solvers::SolverArgs;
 
 #[derive(clap::Args, Clone, Debug)]

@@ -1,16 +1,12 @@
 //! `cargo xtask inspect FOLDER`: a data set as a learner will see it ([`nerd_lab::inspect`]); or, with `--robot` alone, a robot's
 //! specification.
 
-use std::path::PathBuf;
-
-use anyhow::{Context, Result};
 use nerd_lab::inspect::Inspection;
 use nerd_lab::survey::verdict;
 use nerd_sim::dataset::Manifest;
-use nerd_sim::prelude::*;
 use nerd_sim::system::Source;
 
-use crate::options::{Positive, value};
+use crate::prelude::*;
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct InspectArgs {

@@ -29,6 +29,7 @@ mod measure;
 mod options;
 mod out;
 mod policy;
+mod prelude;
 mod ranks;
 mod refusals;
 mod report;

@@ -1,15 +1,11 @@
 //! `cargo xtask measure NAME --set KEY=VALUE`: an experiment of the laboratory ([`nerd_lab::experiments::REGISTRY`]).
 
-use std::path::PathBuf;
-
-use anyhow::Result;
 use nerd_lab::experiments::{Entry, Experiment, REGISTRY};
 use nerd_lab::report::Table;
 use nerd_train::settings::Settings;
-use nerd_train::shipped::results;
 
-use crate::options::Keys;
 use crate::out::{conduct, table, tables};
+use crate::prelude::*;
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct Conduct<T: Settings + Clone + std::fmt::Debug + Send + Sync + 'static> {

@@ -1,13 +1,10 @@
 //! `cargo xtask report`: one HTML file with everything, for a browser.
 
-use std::path::PathBuf;
-
-use anyhow::Result;
 use nerd_lab::page::{MOTIONS, page};
 use nerd_train::progress::bar;
-use nerd_train::shipped::results;
 
-use crate::options::{FRAMES, Whole, value};
+use crate::options::FRAMES;
+use crate::prelude::*;
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct ReportArgs {

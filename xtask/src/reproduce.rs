@@ -4,19 +4,15 @@
 //!
 //! Results go to `out/reproduce`; `--out results` replaces the committed ones.
 
-use std::path::PathBuf;
-
-use anyhow::Result;
-use nerd_lab::choice::Choice;
 use nerd_lab::experiments::chart::Chart;
 use nerd_lab::experiments::passive::{Case, Passive, Protocol, Rows};
 use nerd_lab::report::Artifact;
-use nerd_train::device::Device;
 use nerd_train::run::{Run, RunConfig};
 use nerd_train::shipped;
 
-use crate::options::{DEVICES, SEEDS, STARTS, Whole, value, word};
+use crate::options::{DEVICES, SEEDS, STARTS};
 use crate::out::conduct;
+use crate::prelude::*;
 
 /// Charts of it, robot and scene.
 const CHARTS: [(&str, &str); 3] = [("cartpole", "free"), ("pendulum", "free"), ("pendulum", "ground1")];

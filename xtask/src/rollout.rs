@@ -1,15 +1,12 @@
 //! `cargo xtask rollout --robot pendulum --scene ground3 --solver articulated --preset paper --friction coulomb
 //! --states FILE.csv --frames 100 --out OUT.csv`. [`TABLES`] describes the files.
 
-use std::path::PathBuf;
-
-use anyhow::{Result, bail};
-use nerd_sim::prelude::*;
 use nerd_sim::rollout::States;
 use nerd_train::bounds::{memory, time};
 use nerd_train::progress::bar;
 
-use crate::options::{FRAMES, Whole, unused, value};
+use crate::options::FRAMES;
+use crate::prelude::*;
 use crate::solvers::{SolverArgs, SolverName};
 
 /// What `--help` says of the files.

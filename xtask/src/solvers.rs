@@ -1,15 +1,11 @@
 //! Options that name and configure a solver, and their valid combinations.
 
-use std::path::PathBuf;
-
-use anyhow::{Result, anyhow};
-use nerd_lab::choice::Choice;
+use anyhow::anyhow;
 use nerd_model::pick::Setting;
-use nerd_sim::prelude::*;
-use nerd_train::device::Device;
 use nerd_train::shipped;
 
-use crate::options::{MODELS, Positive, SUBSTEPS, TRUTHS, Whole, unused, value, word};
+use crate::options::{MODELS, SUBSTEPS, TRUTHS};
+use crate::prelude::*;
 
 #[derive(clap::Args, Clone, Debug, Default)]
 pub struct SolverArgs {

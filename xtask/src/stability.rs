@@ -1,14 +1,11 @@
 //! `cargo xtask stability`: where each method holds, bends and breaks. Failures are the point.
 
-use std::path::PathBuf;
-
-use anyhow::Result;
 use nerd_lab::experiments::learned::Learned;
 use nerd_lab::experiments::stability::Stability;
-use nerd_train::device::Device;
 
-use crate::options::{DEVICES, unused, word};
+use crate::options::DEVICES;
 use crate::out::conduct;
+use crate::prelude::*;
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct StabilityArgs {

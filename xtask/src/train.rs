@@ -1,11 +1,8 @@
 //! `cargo xtask train`: a run, or a recipe of several.
 
-use std::path::PathBuf;
-
-use anyhow::Result;
 use nerd_train::run::{Recipe, RunConfig};
 
-use crate::options::Keys;
+use crate::prelude::*;
 use crate::ranks;
 
 #[derive(clap::Args, Clone, Debug)]

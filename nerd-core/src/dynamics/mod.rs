@@ -10,6 +10,7 @@
 //! `(w_dot, p_ddot - w x p_dot)`.
 
 mod aba;
+mod adjoint;
 mod crba;
 mod data;
 mod derivatives;
@@ -31,6 +32,8 @@ pub use totals::{Totals, totals};
 
 #[doc(hidden)]
 pub use aba::aba;
+#[doc(hidden)]
+pub use adjoint::{Adjoint, motions, motions_back, onto};
 #[doc(hidden)]
 pub use crba::crba;
 #[doc(hidden)]

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::Data;
+use super::{Data, motions};
 use crate::robot::Robot;
 use crate::spatial::{Motion, Wrench};
 
@@ -29,13 +29,9 @@ pub fn rnea(robot: &Robot, qd: &[f64], qdd: &[f64], gravity: &Vector3<f64>, data
 /// Twists of all links into `data.velocity`. Needs `kinematics`; `qd` local.
 #[inline]
 pub fn velocities(robot: &Robot, qd: &[f64], data: &mut Data) {
-    for (i, link) in robot.links.iter().enumerate() {
-        data.velocity[i] = match (link.joint.is_some(), link.parent) {
-            (false, _) => Motion::from_slice(qd),
-            (true, None) => data.axis[i] * qd[data.dof[i]],
-            (true, Some(p)) => data.velocity[p] + data.axis[i] * qd[data.dof[i]],
-        };
-    }
+    let mut velocity = std::mem::take(&mut data.velocity);
+    motions(robot, qd, data, &mut velocity);
+    data.velocity = velocity;
 }
 
 #[inline]

@@ -1,8 +1,7 @@
 //! Jacobians, their rates and derivatives against differences, on random trees, some of whose joints follow others.
 
 use super::common::*;
-use nalgebra::{DMatrix, DVector, Isometry3, Vector6};
-use nerd_core::prelude::*;
+use nalgebra::Vector6;
 use nerd_core::state::{difference, integrate};
 
 const STEP: f64 = 1e-5;

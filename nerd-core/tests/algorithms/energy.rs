@@ -4,8 +4,6 @@
 //! errs by h^2 times the third derivative and by 1e-16 E / h, both about 1e-8 of the largest term at h = 1e-5.
 
 use super::common::*;
-use nalgebra::DMatrix;
-use nerd_core::prelude::*;
 
 const H: f64 = 1e-5;
 

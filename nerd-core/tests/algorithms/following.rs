@@ -1,8 +1,6 @@
 //! Joints that follow others: the dynamics are those of all joints by themselves, folded into the coordinates.
 
 use super::common::*;
-use nalgebra::{DMatrix, DVector};
-use nerd_core::prelude::*;
 
 /// The robot whose joints all move by themselves, and `G` and `o` of `q_all = G q + o` (rates alike, without o).
 fn unfolded(robot: &Robot) -> (Robot, DMatrix<f64>, DVector<f64>) {

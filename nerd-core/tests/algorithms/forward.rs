@@ -6,7 +6,6 @@
 
 use super::common::*;
 use nerd_core::dynamics::Factor;
-use nerd_core::prelude::*;
 
 const BOUND: f64 = 1e-10;
 

@@ -3,7 +3,6 @@
 //! Bounds: closed forms of accelerations agree to rounding, 1e-13 of the largest.
 
 use super::common::*;
-use nerd_core::prelude::*;
 
 const DOWN: Vector3<f64> = Vector3::new(0.0, -9.81, 0.0);
 

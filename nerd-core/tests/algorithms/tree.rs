@@ -1,9 +1,8 @@
 //! Solving along the tree against the matrix and its factor.
 
 use super::common::*;
-use nalgebra::{DMatrix, DVector, Matrix6};
-use nerd_core::dynamics::{TreeFactor, crba, kinematics};
-use nerd_core::prelude::*;
+use nalgebra::Matrix6;
+use nerd_core::dynamics::{TreeFactor, crba};
 
 /// 6 x nv: the twist of a link about the origin, by DoF.
 fn twists(robot: &Robot, data: &Data, link: usize) -> DMatrix<f64> {

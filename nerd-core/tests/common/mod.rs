@@ -1,10 +1,10 @@
 //! Random robots and states, and pieces of URDF, shared by the tests. Every seed is fixed.
-#![allow(dead_code)]
+#![allow(dead_code, unused_imports)]
 
-use nalgebra::{DMatrix, Isometry3, Matrix3, Rotation3, Translation3, Unit, UnitQuaternion, Vector3};
-use nerd_core::prelude::*;
+pub use nalgebra::{DMatrix, DVector};
+use nalgebra::{Rotation3, Translation3, Unit};
+pub use nerd_core::prelude::*;
 use nerd_core::robot::Mimic;
-use nerd_core::state::write_quaternion;
 use rand::RngExt;
 pub use rand::SeedableRng;
 pub use rand_chacha::ChaCha8Rng as Rng;
@@ -120,7 +120,7 @@ where
 /// Accelerations by dense Cholesky of the mass matrix, an algorithm apart from ABA and from `Factor`.
 pub fn dense(mass: &DMatrix<f64>, rhs: &[f64]) -> Vec<f64> {
     let factor = mass.clone().cholesky().expect("a mass matrix is positive definite");
-    factor.solve(&nalgebra::DVector::from_column_slice(rhs)).as_slice().to_vec()
+    factor.solve(&DVector::from_column_slice(rhs)).as_slice().to_vec()
 }
 
 /// Largest difference, over the largest entry of `b` (or 1 if that is smaller).

@@ -1,7 +1,6 @@
 //! Joints, links and frames by name.
 
 use super::common::*;
-use nerd_core::prelude::*;
 
 /// A leg of two joints on a free trunk, a foot fixed on its shank, and a finger that follows the knee.
 fn leg() -> Robot {

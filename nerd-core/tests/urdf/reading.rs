@@ -2,7 +2,6 @@
 
 use super::common::*;
 use super::refusals::ARM;
-use nerd_core::prelude::*;
 
 fn read(text: &str) -> UrdfRobot {
     UrdfRobot::read(text, Base::fixed()).expect("a robot")

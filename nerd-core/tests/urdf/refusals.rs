@@ -1,8 +1,6 @@
 //! A URDF that cannot be honoured is refused by name, in one line; no text makes the reader overflow its stack, which urdf-rs
 //! alone does from some ten thousand nested elements. The campaign of `nerd-lab` changes URDFs at random.
 
-use nerd_core::prelude::*;
-
 use super::common::*;
 
 pub const ARM: &str = r#"<robot name="arm"><link name="base"/>

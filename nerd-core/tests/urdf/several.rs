@@ -3,7 +3,6 @@
 use std::f64::consts::FRAC_PI_2;
 
 use super::common::*;
-use nerd_core::prelude::*;
 
 /// A puck of 2 kg whose centre of mass is 0.3 m off the point that the joint carries, on a plane whose normal is `axis`.
 fn puck(axis: &str) -> String {

@@ -4,8 +4,6 @@
 //! Bounds: the same sums in another order, so rounding only: 1e-13 of the largest entry.
 
 use super::common::*;
-use nalgebra::Matrix3;
-use nerd_core::prelude::*;
 use nerd_core::robot::ShapeKind;
 
 fn triple(v: &[f64]) -> String {

@@ -1,11 +1,9 @@
 //! Files of cases, and whether those that the program wrote are whole.
 
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-
-use anyhow::{Context, Result};
 use safetensors::tensor::{Dtype, SafeTensors};
 use tempfile::TempDir;
+
+use crate::prelude::*;
 
 pub use crate::report::below;
 

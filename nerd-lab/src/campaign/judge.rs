@@ -3,7 +3,6 @@
 
 use std::io::{Read, Seek};
 use std::process::{Command, ExitStatus, Stdio};
-use std::time::{Duration, Instant};
 
 use super::files::{Files, NOT_FINITE, below, scratch, whole, write};
 use crate::prelude::*;

@@ -1,10 +1,9 @@
 //! Runs that are killed at a random moment, every second one in the midst of writing a file. What is there must be whole files, and
 //! the same command must then come to what an unbroken run comes to, byte for byte.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::process::{Child, Command, Stdio};
-use std::time::{Duration, Instant};
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

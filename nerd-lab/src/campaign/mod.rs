@@ -5,7 +5,6 @@
 //! Runs that are killed must leave no half a file and go on as if nothing had been. What fails is kept, and belongs into
 //! `assets/campaign/corpus.toml` once it is mended.
 
-use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;

@@ -1,7 +1,6 @@
 //! What the policies of a round earn, in its model and in the truth.
 
 use nerd_train::ppo::PolicyRun;
-use serde::de::DeserializeOwned;
 
 use crate::experiments::games::{Compared, games, policy_of};
 use crate::prelude::*;

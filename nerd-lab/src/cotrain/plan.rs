@@ -1,7 +1,5 @@
 //! The loop's plan from its settings: checks, first model, identity.
 
-use std::time::Instant;
-
 use nerd_tasks::named;
 use nerd_train::bounds::UPDATES;
 use nerd_train::difference::between;

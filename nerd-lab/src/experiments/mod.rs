@@ -9,6 +9,7 @@ pub mod judges;
 pub mod learned;
 pub mod motions;
 pub mod passive;
+pub mod plans;
 pub mod policies;
 pub mod registry;
 pub mod stability;

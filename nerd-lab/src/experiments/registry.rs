@@ -13,13 +13,14 @@ pub struct Entry {
     make: fn(&Given) -> Result<Box<dyn Experiment>>,
 }
 
-pub static REGISTRY: [Entry; 4] = [
+pub static REGISTRY: [Entry; 5] = [
     entry::<super::benchmark::Benchmark>("benchmark", "Solvers on graphics cards (needs --features cuda)"),
     entry::<super::judges::Judges>(
         "judges",
         "Policies in solvers that they never trained in: finer steps, rapier, the reference's preset, MuJoCo",
     ),
     entry::<super::motions::Motions>("motions", "Errors of solvers along motions of a data set's kind that none has seen"),
+    entry::<super::plans::Plans>("plans", "Planners that look ahead in a model or in articulated, acted in the truth, beside a policy"),
     entry::<super::policies::Policies>(
         "policies",
         "Policies in the truth and in the model that learned it; with `fresh`, the strict protocol",

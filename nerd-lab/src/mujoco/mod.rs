@@ -3,8 +3,6 @@
 mod python;
 mod referee;
 mod solver;
-mod state;
 
-pub use referee::{Referee, Scheme};
+pub use referee::{Referee, Scheme, from_mujoco, to_mujoco};
 pub use solver::Mujoco;
-pub use state::{from_mujoco, to_mujoco};

@@ -1,12 +1,9 @@
 //! MuJoCo in a Python of the user's: a script of ours runs there, is asked in JSON a line at a time, and ends with its owner.
 
 use std::io::{BufRead, BufReader, Write};
-use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 
-use anyhow::{Context, Result, bail};
-use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
+use crate::prelude::*;
 
 pub struct Python {
     child: Child,

@@ -1,10 +1,11 @@
 //! MuJoCo as a referee: another engine on the same robot, for those who have one. Nothing needs it, to build or to run:
 //! a Python with MuJoCo is started when asked for, given a model and starts, and asked for states.
 
+use nerd_core::dynamics::{to_local, to_world};
+use nerd_core::state::wrap_state;
 use nerd_sim::mjcf::mjcf;
 
 use super::python::Python;
-use super::state::{from_mujoco, to_mujoco};
 use crate::prelude::*;
 
 const REFEREE: &str = include_str!("referee.py");
@@ -89,4 +90,36 @@ impl Referee {
         let state = |s: Option<Vec<f64>>| s.map_or_else(|| vec![GONE; robot.state_dim()], |s| from_mujoco(robot, &s));
         Ok(Played { frames: states.into_iter().map(|frame| frame.into_iter().flat_map(state).collect()).collect(), seconds })
     }
+}
+
+// Of the states only a free root differs: ours is `q = [p, quaternion x y z w]`, `qd = [w, p_dot + p x w]` in world axes; MuJoCo's
+// `qpos = [p, quaternion w x y z]`, `qvel = [p_dot, w in body axes]`.
+
+/// `[qpos, qvel]` of a state `[q, qd]`.
+pub fn to_mujoco(robot: &Robot, state: &[f64]) -> Vec<f64> {
+    let mut out = state.to_vec();
+    if robot.floating() {
+        let (q, qd) = out.split_at_mut(robot.nq());
+        to_local(robot, q, qd);
+        let (w, velocity) = (quaternion(&q[3..7]).inverse() * vector(&qd[..3]), vector(&qd[3..6]));
+        q[3..7].rotate_right(1);
+        qd[..3].copy_from_slice(velocity.as_slice());
+        qd[3..6].copy_from_slice(w.as_slice());
+    }
+    out
+}
+
+/// The state `[q, qd]` of a `[qpos, qvel]`, endless angles wrapped.
+pub fn from_mujoco(robot: &Robot, state: &[f64]) -> Vec<f64> {
+    let mut out = state.to_vec();
+    if robot.floating() {
+        let (q, qd) = out.split_at_mut(robot.nq());
+        q[3..7].rotate_left(1);
+        let (velocity, w) = (vector(&qd[..3]), quaternion(&q[3..7]) * vector(&qd[3..6]));
+        qd[..3].copy_from_slice(w.as_slice());
+        qd[3..6].copy_from_slice(velocity.as_slice());
+        to_world(robot, q, qd);
+    }
+    wrap_state(robot, &mut out);
+    out
 }

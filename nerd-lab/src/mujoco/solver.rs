@@ -3,8 +3,7 @@
 
 use nerd_sim::solver::{Fault, check, commit};
 
-use super::referee::Referee;
-use super::state::{from_mujoco, to_mujoco};
+use super::referee::{Referee, from_mujoco, to_mujoco};
 use crate::prelude::*;
 
 /// Steps of a frame: 1/480 s at sixty frames a second.

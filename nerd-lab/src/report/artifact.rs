@@ -1,7 +1,6 @@
 //! One result as a folder: where it comes from, what it was measured on, its tables and its figures.
 
 use nerd_train::shipped::results;
-use serde::de::DeserializeOwned;
 use serde_json::{Map, Value};
 
 use super::{Provenance, read_json, write_json};

@@ -7,14 +7,11 @@
 //! <!-- /table -->
 //! ```
 
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-
-use anyhow::{Result, bail};
 use serde_json::Value;
 
 use super::artifact::Artifact;
 use super::below;
+use crate::prelude::*;
 use nerd_train::words::{digits, pair};
 
 use crate::error;

@@ -10,8 +10,6 @@ mod table;
 
 use std::io;
 
-use serde::de::DeserializeOwned;
-
 use crate::error;
 use crate::prelude::*;
 

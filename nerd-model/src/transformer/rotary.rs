@@ -77,6 +77,29 @@ impl Stream for PackedStream {
             env.taken = 0;
         }
     }
+
+    /// Tokens taken, places, rings.
+    fn remembered(&self, env: usize) -> Result<Vec<f64>, ForwardError> {
+        let Some(Env { taken, place, past }) = self.envs.get(env).filter(|env| env.taken > 0) else { return Ok(Vec::new()) };
+        let places = place.iter().flat_map(|(cos, sin)| [*cos, *sin]);
+        Ok([*taken as f64].into_iter().chain(places).chain(past.iter().map(|x| f64::from(*x))).collect())
+    }
+
+    fn recall(&mut self, env: usize, memory: &[f64]) -> Result<(), ForwardError> {
+        let (pairs, Some(kept)) = (self.network.turn.len(), self.envs.get_mut(env)) else {
+            return Err(ForwardError { message: format!("environment {env} has had no frame yet") });
+        };
+        kept.taken = 0;
+        let Some((taken, rest)) = memory.split_first() else { return Ok(()) };
+        if rest.len() != 2 * pairs + kept.past.len() {
+            return Err(ForwardError { message: format!("{} numbers are no memory of this network", memory.len()) });
+        }
+        let (places, past) = rest.split_at(2 * pairs);
+        kept.taken = *taken as usize;
+        kept.place = places.as_chunks::<2>().0.iter().map(|[cos, sin]| (*cos, *sin)).collect();
+        kept.past.iter_mut().zip(past).for_each(|(kept, x)| *kept = *x as f32);
+        Ok(())
+    }
 }
 
 impl Work {

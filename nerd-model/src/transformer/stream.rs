@@ -13,6 +13,17 @@ pub trait Stream: Send {
 
     /// Forgets the frames of one environment.
     fn clear(&mut self, env: usize);
+
+    /// What it keeps of one environment, as numbers; of a network that sees one frame nothing, and nobody asks.
+    fn remembered(&self, _env: usize) -> Result<Vec<f64>, ForwardError> {
+        Ok(Vec::new())
+    }
+
+    /// Keeps of one environment, of which there has been a frame, what was [`Self::remembered`] of another.
+    fn recall(&mut self, env: usize, _memory: &[f64]) -> Result<(), ForwardError> {
+        self.clear(env);
+        Ok(())
+    }
 }
 
 /// A [`Stream`] that keeps the tokens which a prediction depends on ([`TransformerConfig::reach`]) and evaluates them as windows.
@@ -68,6 +79,22 @@ impl<F: Forward> Stream for Windowed<F> {
         if let Some(held) = self.held.get_mut(env) {
             *held = 0;
         }
+    }
+
+    fn remembered(&self, env: usize) -> Result<Vec<f64>, ForwardError> {
+        let (row, width) = (self.config.reach() * self.config.inputs, self.config.inputs);
+        let held = self.held.get(env).map_or(&[][..], |held| &self.tokens[env * row..][..held * width]);
+        Ok(held.iter().map(|x| f64::from(*x)).collect())
+    }
+
+    fn recall(&mut self, env: usize, memory: &[f64]) -> Result<(), ForwardError> {
+        let (reach, width) = (self.config.reach(), self.config.inputs);
+        if memory.len() % width != 0 || memory.len() > reach * width || env >= self.held.len() {
+            return Err(ForwardError { message: format!("{} numbers are no memory of environment {env}", memory.len()) });
+        }
+        self.tokens[env * reach * width..].iter_mut().zip(memory).for_each(|(token, x)| *token = *x as f32);
+        self.held[env] = memory.len() / width;
+        Ok(())
     }
 }
 

@@ -37,6 +37,13 @@ pub enum Friction {
     Huber,
 }
 
+/// What a frame is told.
+pub(super) struct Settings {
+    pub(super) config: ArticulatedConfig,
+    /// Change of a drag, relative, that asks for no other solve of a frame's one substep, and solves at most: see `kick.rs`.
+    pub(super) settling: (f64, usize),
+}
+
 /// Settings of [`super::Articulated`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -34,6 +34,9 @@ impl Workspace {
         if !contact && config.integrator == Integrator::Rk4 {
             to_local(robot, q, qd);
             for _ in 0..substeps {
+                if let Some(kept) = &mut self.kept {
+                    kept.states.push(state.to_vec());
+                }
                 if !self.runge_kutta(robot, scene, state, tau, dt)? {
                     return Ok(false);
                 }
@@ -147,7 +150,7 @@ impl Workspace {
 
     /// Classical Runge-Kutta over (q, qd) with the pose's rate from the velocity; the quaternion is normalised after. Whether
     /// no joint was too stiff.
-    fn runge_kutta(&mut self, robot: &Robot, scene: &Scene, state: &mut [f64], tau: &[f64], dt: f64) -> Result<bool, String> {
+    pub(super) fn runge_kutta(&mut self, robot: &Robot, scene: &Scene, state: &mut [f64], tau: &[f64], dt: f64) -> Result<bool, String> {
         for (k, at) in [0.0, 0.5, 0.5, 1.0].into_iter().enumerate() {
             self.trial.copy_from_slice(state);
             if k > 0 {

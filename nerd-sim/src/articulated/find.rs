@@ -30,19 +30,11 @@ impl Workspace {
             };
             let x = data.position[point.link] + rotation * local - n * point.radius;
             let velocity = data.velocity[point.link].at(&x);
-            let Some((part, gap)) = inside(n.dot(&(x - (event.p1 - data.origin))), 0.5 * h * n.dot(&velocity)) else { continue };
+            let middle = n.dot(&(x - (event.p1 - data.origin)));
+            let Some((part, gap)) = inside(middle, 0.5 * h * n.dot(&velocity)) else { continue };
             let start = columns.len();
-            let mut link = tree.is_none().then_some(point.link);
-            while let Some(i) = link {
-                if robot.links[i].joint.is_some() {
-                    columns.push((data.dof[i], data.axis[i].at(&x)));
-                } else {
-                    for k in 0..3 {
-                        columns.push((k, Vector3::ith(k, 1.0).cross(&x)));
-                        columns.push((3 + k, Vector3::ith(k, 1.0)));
-                    }
-                }
-                link = robot.links[i].parent;
+            if tree.is_none() {
+                above(robot, data, point.link, &x, columns);
             }
             touches.push(Touch::Contact(Contact {
                 index: owner * scene.colliders.len() + event.collider,
@@ -52,6 +44,7 @@ impl Workspace {
                 columns: start..columns.len(),
                 material: part_of(&self.materials[event.collider], part),
                 normal: n,
+                middle,
                 gap,
                 velocity,
                 start: velocity,
@@ -74,6 +67,7 @@ impl Workspace {
                 side: 1.0,
                 stiffness: drive.kp,
                 damping: drive.kd,
+                middle: x - drive.target,
                 gap: x - drive.target,
                 rate: v - drive.speed,
                 ahead: [0.0; 2],
@@ -86,11 +80,30 @@ impl Workspace {
             let Some(limit) = modelled.limit.filter(|l| l.stiffness > 0.0 || l.damping > 0.0) else { continue };
             for (end, side) in [(limit.lower, 1.0), (limit.upper, -1.0)] {
                 let rate = side * qd[dofs + joint];
-                let Some((part, gap)) = inside(side * (x - end), 0.5 * h * rate) else { continue };
+                let middle = side * (x - end);
+                let Some((part, gap)) = inside(middle, 0.5 * h * rate) else { continue };
                 let (stiffness, damping) = (part * limit.stiffness, part * limit.damping);
-                touches.push(Touch::Limit(Spring { index: pairs + joint, joint, side, stiffness, damping, gap, rate, ahead: [0.0; 2] }));
+                let ahead = [0.0; 2];
+                touches.push(Touch::Limit(Spring { index: pairs + joint, joint, side, stiffness, damping, middle, gap, rate, ahead }));
             }
         }
+    }
+}
+
+/// Adds the columns of the Jacobian of a link's place `x` (from the root), by DoF.
+#[inline]
+pub(super) fn above(robot: &Robot, data: &Data, link: usize, x: &Vector3<f64>, columns: &mut Vec<(usize, Vector3<f64>)>) {
+    let mut next = Some(link);
+    while let Some(i) = next {
+        if robot.links[i].joint.is_some() {
+            columns.push((data.dof[i], data.axis[i].at(x)));
+        } else {
+            for k in 0..3 {
+                columns.push((k, Vector3::ith(k, 1.0).cross(x)));
+                columns.push((3 + k, Vector3::ith(k, 1.0)));
+            }
+        }
+        next = robot.links[i].parent;
     }
 }
 

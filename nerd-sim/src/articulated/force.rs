@@ -23,12 +23,43 @@ pub fn force(gap: f64, n: &Vector3<f64>, v: &Vector3<f64>, material: &Material, 
 /// Friction over slip (N s/m), `min(k_f s, mu N) / s`, at normal force `normal` (N) and slip `speed` (m/s).
 #[inline]
 pub fn drag(normal: f64, speed: f64, material: &Material, friction: Friction) -> f64 {
-    let size = match friction {
-        Friction::Coulomb => speed,
-        Friction::Huber if speed <= 1.0 => 0.5 * speed * speed,
-        Friction::Huber => speed - 0.5,
-    };
     let limit = material.friction * normal;
+    let (size, _) = size(speed, friction);
     // Without dividing by a vanishing slip.
     if material.friction_damping * size <= limit { material.friction_damping } else { limit / size }
+}
+
+/// Size of a slip, and its slope.
+#[inline]
+fn size(speed: f64, friction: Friction) -> (f64, f64) {
+    match friction {
+        Friction::Coulomb => (speed, 1.0),
+        Friction::Huber if speed <= 1.0 => (0.5 * speed * speed, speed),
+        Friction::Huber => (speed - 0.5, 1.0),
+    }
+}
+
+/// [`drag`] and its slopes.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Drag {
+    pub(super) value: f64,
+    pub(super) by_normal: f64,
+    pub(super) by_speed: f64,
+    /// By `friction_damping`.
+    pub(super) by_damping: f64,
+}
+
+impl Drag {
+    /// A normal force below zero is none.
+    pub(super) fn of(normal: f64, speed: f64, material: &Material, friction: Friction) -> Self {
+        let value = drag(normal.max(0.0), speed, material, friction);
+        let (size, slope) = size(speed, friction);
+        if material.friction_damping * size <= material.friction * normal {
+            return Self { value, by_damping: 1.0, ..Self::default() };
+        }
+        if normal <= 0.0 {
+            return Self { value, ..Self::default() };
+        }
+        Self { value, by_normal: material.friction / size, by_speed: -value * slope / size, by_damping: 0.0 }
+    }
 }

@@ -5,8 +5,9 @@ use std::sync::Arc;
 use nalgebra::Vector3;
 use nerd_core::spatial::Wrench;
 
-use super::config::{ArticulatedConfig, ContactStep};
+use super::config::{ArticulatedConfig, ContactStep, Settings};
 use super::energy::{FINEST, WHIRL_RK4};
+use super::slopes::Kept;
 use super::stiff::Bounds;
 use super::workspace::Workspace;
 use crate::drive::Drive;
@@ -15,7 +16,7 @@ use crate::solver::parallel::Frame;
 use crate::system::System;
 
 impl Frame for Workspace {
-    type Config = ArticulatedConfig;
+    type Config = Settings;
     type Prepared = Bounds;
     const CHUNK: usize = 64;
     const DRIVEN: bool = true;
@@ -41,7 +42,9 @@ impl Frame for Workspace {
         &self.forces
     }
 
-    fn step(&mut self, system: &System, scene: &Scene, config: &ArticulatedConfig, state: &mut [f64], tau: &[f64]) -> Result<(), String> {
+    fn step(&mut self, system: &System, scene: &Scene, settings: &Settings, state: &mut [f64], tau: &[f64]) -> Result<(), String> {
+        let config = &settings.config;
+        self.settling = settings.settling;
         let robot = &system.robot;
         let contact = !scene.colliders.is_empty() && !robot.contact_points.is_empty();
         self.materials.clear();
@@ -101,6 +104,7 @@ impl Workspace {
             own.data.external.fill(Wrench::default());
             own.forces.fill(Vector3::zeros());
             (own.touches.work, own.touches.eventful) = ((0.0, 0.0), false);
+            own.kept.iter_mut().for_each(Kept::begin);
         };
         begin(self);
         if self.stays_implicit(system) || contact && config.contact_step == ContactStep::Implicit {

@@ -30,14 +30,14 @@
 
 use nalgebra::UnitQuaternion;
 use nerd_core::dynamics::{crba, kinematics, to_local, to_world};
-use nerd_core::robot::Robot;
+use nerd_core::robot::{Joint, Robot};
 use nerd_core::state::{quaternion, vector, write_quaternion};
 
 use super::along::Tree;
 use super::config::{ArticulatedConfig, Friction};
 use super::energy::WHIRL;
 use super::fold::fold;
-use super::kick::{SETTLED, Substep};
+use super::kick::Substep;
 use super::touch::{Contact, EVEN, Touch, ahead};
 use super::touches::Touches;
 use super::workspace::Workspace;
@@ -66,7 +66,8 @@ impl Workspace {
         to_local(robot, q, qd);
         self.touches.begin(robot, scene);
         let whole = system.frame_time / substeps as f64;
-        let all = Substep { system, scene, config, settled: SETTLED / substeps as f64, tau, whole, h: whole };
+        let (settled, passes) = self.settling;
+        let all = Substep { system, scene, config, settled: settled / substeps as f64, passes, tau, whole, h: whole };
         for substep in 0..substeps {
             self.substep(&all, substep == 0, HALVINGS, q, qd)?;
         }
@@ -107,6 +108,9 @@ impl Workspace {
             self.substep(&halved, first, halvings - 1, q, qd)?;
             return self.substep(&halved, false, halvings - 1, q, qd);
         }
+        if let Some(kept) = &mut self.kept {
+            kept.step(h, q, qd, &self.touches);
+        }
         self.touches.drive(robot.root_dofs(), h, qd);
         let rates = qd.iter().zip(&self.touches.rate).skip(robot.root_dofs());
         self.touches.eventful |= rates.map(|(v, a)| v.abs().max((v + h * a).abs())).any(|fastest| h * fastest > WHIRL);
@@ -121,16 +125,14 @@ impl Workspace {
         self.touches.shared = h;
         let mut factored = false;
         for (i, joint) in robot.joints().enumerate() {
-            let (mut braked, mut damper, mut spring) = (joint.damping, 0.5, EVEN);
-            if h * joint.damping.max(h * joint.stiffness) > self.stiff.bounds.least[i] {
+            let mut w = 0.0;
+            if Damped::weighed(joint, h, self.stiff.bounds.least[i]) {
                 self.plain(robot, &mut factored)?;
-                let w = self.ease(robot, i);
-                let z = h * h * joint.stiffness * w;
-                braked = joint.damping.max(h * joint.stiffness * z.min(CALM));
-                (damper, spring) = (exponential(h * braked * w), ahead(z));
+                w = self.ease(robot, i);
             }
-            self.touches.braked[i] = braked;
-            self.touches.shares[i] = damper * h * braked + spring * h * h * joint.stiffness;
+            let damped = Damped::of(joint, h, w);
+            self.touches.braked[i] = damped.braked;
+            self.touches.shares[i] = damped.share;
         }
         Ok(())
     }
@@ -179,14 +181,10 @@ impl Workspace {
         let mut factored = false;
         let mut touches = std::mem::take(&mut self.touches.touches);
         for touch in &mut touches {
-            let index = match touch {
-                Touch::Contact(contact) => contact.index,
-                Touch::Limit(spring) | Touch::Drive { spring, .. } => spring.index,
-                Touch::Friction(dry) => {
-                    dry.across = dry.drag(dry.rate, friction);
-                    continue;
-                }
-            };
+            if let Touch::Friction(dry) = touch {
+                dry.across = dry.drag(dry.rate, friction);
+            }
+            let Some(index) = touch.index() else { continue };
             let w = match self.touches.weights[index] {
                 Some(w) => w,
                 None => {
@@ -218,6 +216,38 @@ impl Workspace {
         }
         self.touches.touches = touches;
         Ok(())
+    }
+}
+
+/// A joint's damping, and what its damper and spring resist with.
+pub(super) struct Damped {
+    pub(super) braked: f64,
+    pub(super) share: f64,
+}
+
+impl Damped {
+    /// Whether a joint of at least so much inertia asks for its w; 0 is as good else.
+    pub(super) fn weighed(joint: &Joint, h: f64, least: f64) -> bool {
+        h * joint.damping.max(h * joint.stiffness) > least
+    }
+
+    fn of(joint: &Joint, h: f64, w: f64) -> Self {
+        let z = h * h * joint.stiffness * w;
+        let braked = joint.damping.max(h * joint.stiffness * z.min(CALM));
+        Self { braked, share: exponential(h * braked * w) * h * braked + ahead(z) * h * h * joint.stiffness }
+    }
+
+    /// Slopes of both by w.
+    pub(super) fn slopes(joint: &Joint, h: f64, w: f64) -> [f64; 2] {
+        let k = h * h * joint.stiffness;
+        let braked = Self::of(joint, h, w).braked;
+        let by_braked = if k * w < CALM && braked > joint.damping { k * k / h } else { 0.0 };
+        let z = h * braked * w;
+        // Of `exponential`.
+        let slope = if z > 1.0 { 1.0 / (z * z) - (-z).exp() / (-z).exp_m1().powi(2) } else { 0.0 };
+        let by_spring = if ahead(k * w) > EVEN { 0.5 / (w * w) } else { 0.0 };
+        let damper = slope * h * (braked + w * by_braked) * h * braked + exponential(z) * h * by_braked;
+        [by_braked, damper + by_spring]
     }
 }
 

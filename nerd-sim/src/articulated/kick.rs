@@ -28,8 +28,9 @@ pub(super) struct Substep<'a> {
     pub(super) system: &'a System,
     pub(super) scene: &'a Scene,
     pub(super) config: &'a ArticulatedConfig,
-    /// See [`SETTLED`].
+    /// See [`SETTLED`] and [`PASSES`].
     pub(super) settled: f64,
+    pub(super) passes: usize,
     pub(super) tau: &'a [f64],
     /// The frame's substep (s), and this one, which may be a half of it.
     pub(super) whole: f64,
@@ -51,7 +52,10 @@ impl Workspace {
         }
         let mut turn = Vector3::zeros();
         let (mut stale, mut correct, mut corrected, mut quiet, mut found) = (true, first, false, false, true);
-        for pass in 0..PASSES {
+        if let Some(kept) = &mut self.kept {
+            kept.stages.clear();
+        }
+        for pass in 0..own.passes {
             let Touches { touches, middle, rate, right, pull, braked, .. } = &mut self.touches;
             if stale {
                 middle.iter_mut().zip(qd.iter().zip(rate.iter())).for_each(|(m, (v, a))| *m = v + 0.5 * h * a);
@@ -91,10 +95,14 @@ impl Workspace {
             if robot.floating() {
                 (0..3).for_each(|k| rate[3 + k] += turn[k]);
             }
-            if !changed && !correct {
+            let done = !changed && !correct;
+            stale = correct && !wait;
+            if let Some(kept) = self.kept.as_mut().filter(|_| done || stale || pass + 1 == own.passes) {
+                kept.stage(&self.touches, stale && pass == 0);
+            }
+            if done {
                 return Ok(true);
             }
-            stale = correct && !wait;
             correct &= wait;
             corrected |= stale;
         }

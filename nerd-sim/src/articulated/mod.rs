@@ -18,6 +18,7 @@ pub mod force;
 mod frame;
 mod implicit;
 mod kick;
+mod slopes;
 mod solver;
 mod stiff;
 mod touch;

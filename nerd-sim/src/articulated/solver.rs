@@ -1,29 +1,46 @@
 //! The solver over a batch.
 
-use super::config::ArticulatedConfig;
+use super::config::{ArticulatedConfig, Settings};
+use super::kick::{PASSES, SETTLED};
+use super::slopes::covered;
 use super::workspace::Workspace;
 use crate::batch::Batch;
 use crate::solver::parallel::Parallel;
-use crate::solver::{Capabilities, Solver, StepError};
+use crate::solver::{Capabilities, Slopes, Solver, StepError};
 
 /// Articulated dynamics as a [`Solver`]. Remembers nothing of an environment between frames.
 pub struct Articulated {
-    config: ArticulatedConfig,
+    settings: Settings,
     parallel: Parallel<Workspace>,
 }
 
 impl Articulated {
     /// A solver with these settings.
     pub fn new(config: ArticulatedConfig) -> Self {
-        Self { config, parallel: Parallel::new() }
+        Self { settings: Settings { config, settling: (SETTLED, PASSES) }, parallel: Parallel::new() }
+    }
+
+    /// Solves a substep until no drag changes by more than this share, over the substeps of a frame, in so many solves at most. For tests:
+    /// slopes are those of what is solved without an error.
+    #[doc(hidden)]
+    pub fn settling(mut self, share: f64, solves: usize) -> Self {
+        self.settings.settling = (share, solves);
+        self
     }
 }
 
 impl Solver for Articulated {
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
-        self.config.check().map_err(StepError::Solver)?;
-        self.parallel.step(&self.config, batch, torques)
+        self.settings.config.check().map_err(StepError::Solver)?;
+        self.parallel.step(&self.settings, batch, torques)
     }
+
+    fn back(&mut self, batch: &Batch, torques: &[f64], rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
+        self.settings.config.check().map_err(StepError::Solver)?;
+        covered(&self.settings.config, batch)?;
+        self.parallel.back(&self.settings, batch, torques, rows, by_next)
+    }
+
     fn capabilities(&self) -> Capabilities {
         Parallel::<Workspace>::CAPABILITIES
     }

@@ -15,6 +15,7 @@ pub(super) const CREEP: f64 = 1e-3;
 pub(super) const EVEN: f64 = 0.25;
 
 /// Something that acts within a substep, or will.
+#[derive(Clone)]
 pub(super) enum Touch {
     /// A point on a collider. It pushes, is damped while it approaches, and rubs.
     Contact(Contact),
@@ -27,6 +28,7 @@ pub(super) enum Touch {
 }
 
 /// A point on a collider: what it is, then what the substep makes of it.
+#[derive(Clone)]
 pub(super) struct Contact {
     /// Its number among points and colliders, and its point's.
     pub(super) index: usize,
@@ -38,6 +40,8 @@ pub(super) struct Contact {
     pub(super) columns: std::ops::Range<usize>,
     pub(super) material: Material,
     pub(super) normal: Vector3<f64>,
+    /// Its gap in the middle of the substep, and the mean of what is inside.
+    pub(super) middle: f64,
     pub(super) gap: f64,
     pub(super) velocity: Vector3<f64>,
     /// Its velocity at the start, when J was another: half a substep of `J_dot qd` off `velocity`, which J of the middle takes it for.
@@ -56,6 +60,7 @@ pub(super) struct Contact {
 }
 
 /// A spring and a damper of one joint.
+#[derive(Clone)]
 pub(super) struct Spring {
     /// Its number among all weights.
     pub(super) index: usize,
@@ -64,7 +69,8 @@ pub(super) struct Spring {
     pub(super) side: f64,
     pub(super) stiffness: f64,
     pub(super) damping: f64,
-    /// How far it is from rest, and how fast it leaves it.
+    /// How far it is from rest in the middle of the substep, the mean of what is beyond, and how fast it leaves it.
+    pub(super) middle: f64,
     pub(super) gap: f64,
     pub(super) rate: f64,
     /// Shares a of the spring and the damper.
@@ -72,6 +78,7 @@ pub(super) struct Spring {
 }
 
 /// A joint that rubs under a constant force, and always looks all the way ahead.
+#[derive(Clone)]
 pub(super) struct DryFriction {
     pub(super) joint: usize,
     /// Largest force (N m or N).
@@ -79,6 +86,17 @@ pub(super) struct DryFriction {
     pub(super) rate: f64,
     /// Drag (N m s/rad or N s/m).
     pub(super) across: f64,
+}
+
+impl Touch {
+    /// Its number among all weights, if it is weighed.
+    pub(super) fn index(&self) -> Option<usize> {
+        match self {
+            Self::Contact(contact) => Some(contact.index),
+            Self::Limit(spring) | Self::Drive { spring, .. } => Some(spring.index),
+            Self::Friction(_) => None,
+        }
+    }
 }
 
 impl Contact {
@@ -166,11 +184,16 @@ impl Spring {
 }
 
 impl DryFriction {
+    /// A contact's that would rub alike.
+    #[inline]
+    pub(super) fn material(&self) -> Material {
+        Material { stiffness: 0.0, damping: 0.0, friction_damping: self.most / CREEP, friction: 1.0 }
+    }
+
     /// Its drag at a rate of the joint.
     #[inline]
     pub(super) fn drag(&self, rate: f64, friction: Friction) -> f64 {
-        let material = Material { stiffness: 0.0, damping: 0.0, friction_damping: self.most / CREEP, friction: 1.0 };
-        drag(self.most, rate.abs(), &material, friction)
+        drag(self.most, rate.abs(), &self.material(), friction)
     }
 
     /// Its drag after a change of its rate; whether another solve is asked for.

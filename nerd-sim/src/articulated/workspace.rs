@@ -7,6 +7,8 @@ use nerd_core::contact::ContactEvent;
 use nerd_core::dynamics::{Data, Factor, point_position, velocities};
 use nerd_core::robot::Robot;
 
+use super::kick::{PASSES, SETTLED};
+use super::slopes::Kept;
 use super::stiff::{Bounds, Stiff};
 use super::touches::Touches;
 use crate::drive::Drive;
@@ -31,6 +33,10 @@ pub(super) struct Workspace {
     pub(super) rates: [Vec<f64>; 4],
     pub(super) trial: Vec<f64>,
     pub(super) start: Vec<f64>,
+    /// Change of a drag that asks for no other solve, and solves at most: those of the implicit step, unless a test asks for others.
+    pub(super) settling: (f64, usize),
+    /// What the frame did, while it is to be gone back.
+    pub(super) kept: Option<Kept>,
 }
 
 impl Workspace {
@@ -49,6 +55,8 @@ impl Workspace {
             touches: Touches::new(system),
             stiff: Stiff::new(robot, bounds),
             drives: Vec::new(),
+            settling: (SETTLED, PASSES),
+            kept: None,
             forces: vec![Vector3::zeros(); robot.contact_points.len()],
         }
     }

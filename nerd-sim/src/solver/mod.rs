@@ -25,12 +25,46 @@ pub trait Solver: Send {
     /// [`StepError::Environments`] if some environments could not be stepped, all others were; else nothing was.
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError>;
 
+    /// The solver that this one is put around, if it is around one: what it does not say of itself, that one says.
+    fn inner(&self) -> Option<&dyn Solver> {
+        None
+    }
+
+    /// The same, to be changed.
+    fn inner_mut(&mut self) -> Option<&mut dyn Solver> {
+        None
+    }
+
     /// Clears what is remembered of an environment.
-    fn reset(&mut self, _env: usize) {}
+    fn reset(&mut self, env: usize) {
+        if let Some(inner) = self.inner_mut() {
+            inner.reset(env);
+        }
+    }
+
+    /// What it remembers of an environment, as numbers for [`Self::recall`]; empty if its next frame depends on none before.
+    ///
+    /// # Errors
+    /// [`StepError::Refused`] where memory cannot be told.
+    fn remembered(&self, env: usize) -> Result<Vec<f64>, StepError> {
+        self.inner().map_or(Ok(Vec::new()), |inner| inner.remembered(env))
+    }
+
+    /// Remembers of an environment what was [`Self::remembered`] of it, or of another one, in place of what it does now.
+    ///
+    /// # Errors
+    /// If those are not such numbers, or no batch with this environment has been stepped yet.
+    fn recall(&mut self, env: usize, memory: &[f64]) -> Result<(), StepError> {
+        if let Some(inner) = self.inner_mut() {
+            return inner.recall(env, memory);
+        }
+        self.reset(env);
+        Ok(())
+    }
 
     /// What it can do beside stepping states.
     fn capabilities(&self) -> Capabilities {
-        Capabilities::default()
+        self.inner().map(|inner| inner.capabilities()).unwrap_or_default()
     }
 
     /// Vector-Jacobian products of the frame that [`Self::step`] would make from here: `rows` of them for every environment, of gradients
@@ -50,17 +84,17 @@ pub trait Solver: Send {
     }
 }
 
-impl<S: Solver + ?Sized> Solver for Box<S> {
+impl Solver for Box<dyn Solver + '_> {
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
         (**self).step(batch, torques)
     }
 
-    fn reset(&mut self, env: usize) {
-        (**self).reset(env);
+    fn inner(&self) -> Option<&dyn Solver> {
+        Some(&**self)
     }
 
-    fn capabilities(&self) -> Capabilities {
-        (**self).capabilities()
+    fn inner_mut(&mut self) -> Option<&mut dyn Solver> {
+        Some(&mut **self)
     }
 
     fn back(&mut self, batch: &Batch, torques: &[f64], rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
@@ -99,5 +133,18 @@ impl Simulation {
     pub fn reset(&mut self, env: usize, state: &[f64]) {
         self.batch.reset(env, state);
         self.solver.reset(env);
+    }
+
+    /// Makes environment `to` a copy of `from`, with what the solver remembers of it: under the same torques both go on alike.
+    ///
+    /// # Errors
+    /// As [`Solver::remembered`].
+    ///
+    /// # Panics
+    /// If there is no such environment.
+    pub fn fork(&mut self, from: usize, to: usize) -> Result<(), StepError> {
+        self.batch.fork(from, to);
+        let memory = self.solver.remembered(from)?;
+        self.solver.recall(to, &memory)
     }
 }

@@ -3,10 +3,12 @@
 
 use std::sync::{Mutex, PoisonError};
 
+use nerd_core::state::wrap_state;
 use rayon::prelude::*;
 
-use super::check::{finish, sound};
+use super::check::{finish, gone, sound};
 use super::refusal::Fault;
+use super::slopes::Slopes;
 use crate::prelude::*;
 
 /// Working memory that advances one environment at a time by one frame; nothing in it outlives a frame.
@@ -39,6 +41,20 @@ pub(crate) trait Frame: Send + Sized {
     fn forces(&self) -> &[Vector3<f64>] {
         &[]
     }
+}
+
+/// A frame that can be gone back.
+pub(crate) trait Back: Frame {
+    /// Steps as [`Frame::step`] does, and takes gradients `[row][2 nv]` by the next state to those by this one and by the torques.
+    fn back(
+        &mut self,
+        system: &System,
+        scene: &Scene,
+        config: &Self::Config,
+        state: &mut [f64],
+        tau: &[f64],
+        by_next: &[f64],
+    ) -> Result<[Vec<f64>; 2], String>;
 }
 
 /// Steps the environments of a batch in chunks. Allocates at its first step (or when the batch grows or its robot
@@ -123,6 +139,73 @@ impl<F: Frame> Parallel<F> {
         }
         batch.forces = forces;
         finish(batch, &mut self.next, self.faults.get_mut().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// See [`crate::solver::Solver::back`].
+    pub(crate) fn back(
+        &mut self,
+        config: &F::Config,
+        batch: &Batch,
+        torques: &[f64],
+        rows: usize,
+        by_next: &[f64],
+    ) -> Result<Slopes, StepError>
+    where
+        F: Back,
+    {
+        Self::CAPABILITIES.admit(batch)?;
+        let (n, robot) = (batch.len(), &batch.system.robot);
+        let (d, joints, width) = (robot.state_dim(), robot.joint_count(), rows * 2 * robot.nv());
+        if by_next.len() != n * width {
+            return Err(StepError::Solver(format!(
+                "{} gradients for {rows} rows of {n} environments, of {} numbers each",
+                by_next.len(),
+                2 * robot.nv()
+            )));
+        }
+        let mut faults = Vec::new();
+        sound(batch, torques, &mut faults)?;
+        let prepared = self.prepare(batch).map_err(StepError::Solver)?;
+        while self.frames.len() < n.div_ceil(F::CHUNK) {
+            self.frames.push(F::new(&batch.system, prepared.clone()));
+        }
+        let own = &self.own;
+        let go = |(env, state, frame): (usize, &[f64], &mut F)| {
+            frame.drive(batch.driven(env));
+            if let Some((_, prepared)) = own.get(env) {
+                frame.turn_to(prepared);
+            }
+            let (mut next, tau) = (state.to_vec(), &torques[env * joints..(env + 1) * joints]);
+            let by_next = &by_next[env * width..(env + 1) * width];
+            let [states, torques] = frame.back(batch.of(env), &batch.scenes[env], config, &mut next, tau, by_next)?;
+            match gone(batch.of(env), &next) {
+                Some(reason) => Err(reason),
+                None if !states.iter().chain(&torques).all(|x| x.is_finite()) => Err("the frame's slopes are not finite".into()),
+                None => Ok((next, states, torques)),
+            }
+        };
+        let chunk = |(chunk, (states, frame)): (usize, (&[f64], &mut F))| {
+            let all = states.chunks_exact(d).enumerate();
+            all.map(|(i, state)| go((chunk * F::CHUNK + i, state, &mut *frame))).collect::<Vec<_>>()
+        };
+        let bad = faults.len();
+        let found: Vec<_> = match bad {
+            0 => batch.states.par_chunks(F::CHUNK * d).zip(&mut self.frames).enumerate().map(chunk).flatten_iter().collect(),
+            _ => Vec::new(),
+        };
+        let mut out = Slopes::default();
+        for (env, found) in found.into_iter().enumerate() {
+            match found {
+                Ok((mut next, states, torques)) => {
+                    wrap_state(robot, &mut next);
+                    out.next.extend(next);
+                    out.states.extend(states);
+                    out.torques.extend(torques);
+                }
+                Err(reason) => faults.push(Fault { env, frame: batch.frames[env], reason: batch.of(env).source.lost(reason) }),
+            }
+        }
+        if faults.is_empty() { Ok(out) } else { Err(StepError::Environments(faults)) }
     }
 
     /// Looks at the batch's robots as far as they are others than in the last frame.

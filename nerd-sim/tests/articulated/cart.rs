@@ -1,6 +1,5 @@
 //! A cart on four wheels keeps its speed and its height. Of one wheel, a coin, a can and a ball the stability suite asks.
 
-use nerd_sim::prelude::*;
 use nerd_sim::suite::bodies::{Body, UPRIGHT};
 
 use super::common::*;

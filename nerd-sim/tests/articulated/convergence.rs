@@ -5,8 +5,6 @@
 //! Bounds: 3.7..4.5 and 0.8..1.3, since a slope fitted over a decade of substeps carries the next order's terms; the
 //! finest setting must besides be within 1e-7 (RK4) and 1e-2 (first order) of the reference, RK4 at 64 substeps.
 
-use nerd_sim::prelude::*;
-
 use super::common::*;
 
 const STARTS: usize = 16;

@@ -1,7 +1,5 @@
 //! Drives inside the substeps: known motions, stability at any gain, efforts, velocities, and who refuses them.
 
-use nerd_sim::prelude::*;
-
 use super::common::*;
 
 const INERTIA: f64 = 0.25;

@@ -1,7 +1,5 @@
 //! A limp robot that falls gains no energy, however light its fingers are beside its body.
 
-use nerd_sim::prelude::*;
-
 use crate::common::*;
 
 /// Kinetic and potential energy, and that in springs (J).

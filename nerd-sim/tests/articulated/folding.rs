@@ -1,7 +1,5 @@
 //! Links of a robot on each other: rest where geometry and gravity say, momentum to rounding, no energy from nothing.
 
-use nerd_sim::prelude::*;
-
 use super::common::*;
 
 const SOFT: &str = "material = { stiffness = 1e3, damping = 10.0, friction_damping = 10.0, friction = 0.0 }\n";

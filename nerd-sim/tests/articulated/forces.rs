@@ -1,7 +1,6 @@
 //! Forces at contact points, what has none, and places by name.
 
 use nerd_sim::instruments::glide;
-use nerd_sim::prelude::*;
 
 use super::common::*;
 

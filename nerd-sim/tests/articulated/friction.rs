@@ -1,8 +1,6 @@
 //! Dry friction of a joint: a slide of 2 kg slows down evenly and stops for good; held below the breaking force it creeps by no more
 //! than 1 mm/s; above it falls with what is left over. A hinge on it stays held. With many substeps and with few.
 
-use nerd_sim::prelude::*;
-
 use super::common::*;
 
 /// A slide along `axis`, then a pendulum about y on it, with dry friction each (N, N m).

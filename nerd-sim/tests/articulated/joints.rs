@@ -1,8 +1,6 @@
 //! What acts at a joint, against closed forms: a damper far too stiff for the substep dies away as `exp(-d t / I)`, or at
 //! least without overshoot; a limit far too stiff holds; limits and position laws are right beyond a turn.
 
-use nerd_sim::prelude::*;
-
 use super::common::*;
 
 /// Hinges about z in a row, the rods of a fixed base 1 m long, each with an inertia about its own joint, without gravity; with ground.

@@ -1,7 +1,5 @@
 //! Limits of a URDF act, whether or not a TOML says how stiff they are.
 
-use nerd_sim::prelude::*;
-
 use super::common::*;
 
 /// A grip hanging down, 0 to 0.08 m, 20 N.

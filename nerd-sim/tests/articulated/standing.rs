@@ -1,8 +1,6 @@
 //! A robot of which no material is said stands: its feet stick as Coulomb's law has it. Regularised, they creep by the
 //! force on a foot over the material's tangential damping, 1 mm in 5 s for 30 N.
 
-use nerd_sim::prelude::*;
-
 use super::common::*;
 
 /// ANYmal in its pose, of the default material, z up, with gains that carry it.

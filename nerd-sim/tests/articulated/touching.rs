@@ -2,7 +2,6 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use nerd_sim::prelude::*;
 use nerd_sim::suite::bodies::{Body, UPRIGHT};
 use parry3d_f64::shape::SharedShape;
 

@@ -1,6 +1,5 @@
 //! Worlds: nearest of many colliders, inside and outside, against closed forms.
 
-use nerd_sim::prelude::*;
 use nerd_sim::scene::{WORLDS, hill};
 
 use super::common::*;

@@ -1,5 +1,4 @@
-use nerd_sim::dataset::{GenerateConfig, begin, record};
-use nerd_sim::prelude::*;
+use nerd_sim::dataset::begin;
 
 use super::common::*;
 use super::{accurate, nodes};

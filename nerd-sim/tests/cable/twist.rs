@@ -2,8 +2,6 @@
 
 use std::f64::consts::PI;
 
-use nerd_sim::prelude::*;
-
 use super::cable;
 use super::common::*;
 

@@ -1,7 +1,8 @@
 //! Systems, batches and motions shared by the tests.
-#![allow(dead_code)]
+#![allow(dead_code, unused_imports)]
 
-use nerd_sim::prelude::*;
+pub use nerd_sim::dataset::{GenerateConfig, record};
+pub use nerd_sim::prelude::*;
 
 /// A robot that is built in.
 pub fn built_in(name: &str) -> Arc<System> {

@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use nerd_sim::prelude::*;
 use nerd_sim::rollout::{RolloutError, States};
 
 use crate::common::*;

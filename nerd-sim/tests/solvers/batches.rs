@@ -1,9 +1,6 @@
 //! What a batch promises for every solver: an environment is alone in its batch, a number of threads changes nothing, an
 //! error names its place and leaves the states as they were.
 
-use nerd_sim::dataset::{GenerateConfig, record};
-use nerd_sim::prelude::*;
-
 use super::common::*;
 
 const SOLVERS: [&str; 3] = ["paper", "implicit", "rapier"];

@@ -1,7 +1,6 @@
 //! Instruments around a solver change what they say and nothing else.
 
 use nerd_sim::instruments::{Glide, Hold, Recorder, Replay, Shaken, Timed};
-use nerd_sim::prelude::*;
 use nerd_sim::suite::bodies::Body;
 
 use super::common::*;

@@ -7,4 +7,5 @@ mod common;
 mod instruments;
 #[cfg(feature = "rapier")]
 mod rapier;
+mod slopes;
 mod suite;

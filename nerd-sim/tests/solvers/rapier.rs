@@ -2,8 +2,6 @@
 //! drifts with its centre of mass off the origin, state that is not in (q, qd), contact seen too late, default damping, hard limits in
 //! place of the model's.
 
-use nerd_sim::prelude::*;
-
 use super::common::*;
 
 /// The tip meets the ground at about 10 m/s, 40 mm per outer step of 1/240 s: contact is seen at most one such step late.

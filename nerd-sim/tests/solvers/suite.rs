@@ -1,7 +1,6 @@
 //! The stability suite: known physics passes.
 
 use nerd_sim::instruments::Hold;
-use nerd_sim::prelude::*;
 use nerd_sim::suite::{Method, Row, Suite, Verdict};
 use rayon::prelude::*;
 

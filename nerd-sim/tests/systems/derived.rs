@@ -1,8 +1,6 @@
 //! What a URDF alone suggests: which bases are free, contact that scales with the robot, starts within its limits and clear of the ground, and
 //! a TOML that says a part.
 
-use nerd_sim::prelude::*;
-
 use super::common::*;
 
 /// A block of so many kg and m, its middle at a place of its link.

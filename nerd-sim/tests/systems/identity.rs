@@ -1,7 +1,5 @@
 //! A system is known by what it is: its hashes see every number that matters, and nothing else.
 
-use nerd_sim::prelude::*;
-
 use super::common::*;
 
 const URDF: &str = include_str!("../../assets/pendulum.urdf");

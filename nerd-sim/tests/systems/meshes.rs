@@ -3,7 +3,6 @@
 use std::f64::consts::TAU;
 use std::path::Path;
 
-use nerd_sim::prelude::*;
 use nerd_sim::sampling::normal;
 use nerd_sim::scene::foot;
 use rand::RngExt;

@@ -1,8 +1,5 @@
 //! The built-in robots: figures of the reference system, controllers and sampling boxes.
 
-use nerd_sim::dataset::{GenerateConfig, record};
-use nerd_sim::prelude::*;
-
 use super::common::*;
 
 /// Mass (kg), joints, contact points.

@@ -1,8 +1,5 @@
 //! What a specification says is refused by its key, in one line, where it cannot be. That all else moves finitely is for the campaign.
 
-use nerd_sim::dataset::{GenerateConfig, record};
-use nerd_sim::prelude::*;
-
 use super::common::*;
 
 /// A floating body with a hinge and a rail.

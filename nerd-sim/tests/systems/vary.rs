@@ -1,7 +1,6 @@
 //! Robots that differ within a batch: each moves as it does alone; what is refused, what is recorded.
 
-use nerd_sim::dataset::{GenerateConfig, Manifest, generate, record};
-use nerd_sim::prelude::*;
+use nerd_sim::dataset::{Manifest, generate};
 use nerd_sim::vary::{self, VarySpec};
 
 use super::common::*;

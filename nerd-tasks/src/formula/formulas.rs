@@ -22,6 +22,11 @@ pub trait Formulas: Send + Sync {
     /// Reward for arriving here; `torques` acted in the last frame.
     fn reward<N: Number>(&self, sight: &mut impl Sight<N>, torques: &[N]) -> N;
 
+    /// How far this is from what is asked for, as [`crate::Task::miss`].
+    fn miss<N: Number>(&self, _sight: &mut impl Sight<N>) -> Option<N> {
+        None
+    }
+
     /// Whether being here ends the episode: 1 or 0.
     fn over<N: Number>(&self, _sight: &mut impl Sight<N>) -> N {
         N::from(0.0)

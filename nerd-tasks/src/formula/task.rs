@@ -41,6 +41,10 @@ impl<F: Formulas> Task for F {
         Formulas::reward(self, &mut Direct::new(view, work), torques)
     }
 
+    fn miss(&self, view: View, work: &mut Work) -> Option<f64> {
+        Formulas::miss(self, &mut Direct::new(view, work))
+    }
+
     fn terminated(&self, view: View, work: &mut Work) -> bool {
         self.over(&mut Direct::new(view, work)) != 0.0
     }

@@ -150,7 +150,7 @@ fn every_task_of_formulas_is_the_same_in_kernels() {
         assert!(off.iter().all(|(_, x)| *x < 1e-11), "{name}: {off:?}");
         count += 1;
     }
-    assert_eq!(count, 8, "tasks with kernels");
+    assert_eq!(count, 9, "tasks with kernels");
 }
 
 /// Speaks of what there is not.

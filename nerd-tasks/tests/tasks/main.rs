@@ -5,6 +5,7 @@ mod cpp;
 mod episodes;
 mod kernels;
 mod lead;
+mod plan;
 mod rewards;
 mod slopes;
 

@@ -92,10 +92,14 @@ impl Solver for WithFallback {
         done
     }
 
-    fn reset(&mut self, env: usize) {
+    fn inner(&self) -> Option<&dyn Solver> {
+        self.fallback.as_deref().map_or_else(|| Some(&*self.whole as &dyn Solver), |fallback| Some(fallback))
+    }
+
+    fn inner_mut(&mut self) -> Option<&mut dyn Solver> {
         match &mut self.fallback {
-            Some(fallback) => fallback.reset(env),
-            None => self.whole.reset(env),
+            Some(fallback) => Some(&mut **fallback),
+            None => Some(&mut *self.whole),
         }
     }
 
@@ -108,10 +112,6 @@ impl Solver for WithFallback {
             Ok(fit) => made.insert(fit).back(batch, torques, rows, by_next),
             Err(why) => Err(why),
         }
-    }
-
-    fn capabilities(&self) -> Capabilities {
-        self.fallback.as_ref().map_or_else(|| self.whole.capabilities(), |fallback| fallback.capabilities())
     }
 
     fn resident(&mut self) -> Option<&mut dyn Resident> {

@@ -7,7 +7,6 @@ mod card;
 pub use card::resident;
 use nerd_model::neural::Neural;
 use nerd_model::pick::learned;
-use nerd_model::transformer::Stream;
 
 #[cfg(feature = "cuda")]
 use crate::learner::cuda::Precision;

@@ -4,7 +4,6 @@ use burn::tensor::Tensor;
 use nerd_model::BurnDevice;
 use nerd_model::program::BurnNetwork;
 
-use super::LearnerConfig;
 use super::sharded::{Pass, Shard, Sharded};
 use crate::prelude::*;
 

@@ -1,14 +1,12 @@
 //! Any network's update on the CPU, over its program ([`nerd_model::program::cpu`]). Equal to burn's ([`super::BurnLearner`]) to
 //! rounding (test), at a fraction of the time.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
 use nerd_model::program::cpu::{Loaded, Memory, Pass as Tokens};
-use nerd_model::transformer::Weights;
 
 use super::sharded::{Pass, Shard, Sharded};
-use super::{LearnError, LearnerConfig, LearnerState};
-use crate::windows::Windows;
+use crate::prelude::*;
 
 /// Trains on the CPU.
 pub type CpuLearner = Sharded<Fused>;

@@ -3,17 +3,14 @@
 use std::collections::BTreeMap;
 
 use nerd_model::folder::ModelConfig;
-use nerd_model::form::View;
 use nerd_model::transformer::Storage;
 
 use super::plan::Plan;
 use super::recording::RecordConfig;
-use super::settings::RunConfig;
-use super::variant::Variant;
+use super::settings::{RunConfig, Variant};
 use crate::checkpoint;
 use crate::difference::between;
 use crate::evaluate::{Action, PassiveConfig, horizon};
-use crate::learner::LearnerConfig;
 use crate::prelude::*;
 use crate::records::rows;
 use crate::trainer::TrainerConfig;

@@ -6,7 +6,7 @@ use nerd_model::chain::ChainSolver;
 use nerd_model::trapezoid;
 
 use super::plan::Plan;
-use super::variant::Variant;
+use super::settings::Variant;
 use crate::prelude::*;
 use crate::prepare::{moments, normalize, read};
 use crate::unroll::chain::{Cable, Loss, scales};

@@ -1,11 +1,9 @@
 //! A run's need of memory; too much is refused before it begins.
 
-use nerd_model::transformer::{Positions, TransformerConfig};
-
 use super::settings::RunConfig;
 use crate::bounds::memory;
 use crate::device::Device;
-use crate::error::Result;
+use crate::prelude::*;
 use crate::unroll::ROLLOUTS;
 
 /// Windows that one thread of the CPU's learner passes at a time.

@@ -32,10 +32,8 @@ mod recipe;
 mod recording;
 mod settings;
 mod train;
-mod variant;
 
 pub use recipe::Recipe;
 pub use recording::RecordConfig;
-pub use settings::RunConfig;
+pub use settings::{RunConfig, Variant};
 pub use train::Run;
-pub use variant::Variant;

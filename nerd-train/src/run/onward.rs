@@ -1,11 +1,9 @@
 //! Defaults for training a model further.
 
 use nerd_model::folder::ModelConfig;
-use nerd_model::transformer::{Architecture, Positions};
 
 use super::settings::RunConfig;
-use crate::error::{Result, refuse};
-use crate::learner::Optimizer;
+use crate::prelude::*;
 
 /// Fewest frames of a trajectory.
 const FRAMES: usize = 120;

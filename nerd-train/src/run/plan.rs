@@ -3,16 +3,12 @@
 
 use nerd_model::chain::{self, Chain};
 use nerd_model::features::Features;
-use nerd_model::form::{Form, View};
-use nerd_model::transformer::Positions;
 use serde_json::json;
 
 use super::memory;
-use super::settings::RunConfig;
-use super::variant::Variant;
+use super::settings::{RunConfig, Variant};
 use crate::device::Device;
 use crate::difference::between;
-use crate::learner::LearnerConfig;
 use crate::prelude::*;
 use crate::progress;
 use crate::schedule::Schedule;

@@ -1,6 +1,5 @@
 //! Recording of a robot's motion: by `dataset` into a folder, by `train` in memory.
 
-use nerd_model::form::Form;
 use nerd_sim::dataset::{Manifest, Part, Pilot};
 
 use crate::bounds::{self, FRAMES, SEEDS};

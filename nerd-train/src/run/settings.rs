@@ -1,12 +1,8 @@
 //! One run's settings. The defaults are the paper's network and training at a tenth of its updates.
 
-use nerd_model::form::View;
-
 use super::recording::RecordConfig;
-use super::variant::Variant;
 use crate::bounds::{BATCH, EMBEDDING, LAYERS, STARTS, TRANSITIONS, UPDATES};
 use crate::device::Device;
-use crate::learner::Optimizer;
 use crate::prelude::*;
 use crate::settings::settings;
 
@@ -95,5 +91,31 @@ impl RunConfig {
     /// The paper's for a robot.
     pub fn new(robot: &str, out: impl Into<PathBuf>) -> Self {
         Self { robot: robot.into(), out: out.into(), ..Self::default() }
+    }
+}
+
+/// What a run's network moves: a robot, or a cable rod by rod.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Variant {
+    /// The paper's: a token of the whole robot a frame.
+    #[default]
+    Nerd,
+    /// Rods of a chain as tokens, learned through many frames ([`crate::unroll`]).
+    Chain,
+}
+
+impl Variant {
+    /// Their names, as serde has them.
+    pub const WORDS: &[&str] = &["nerd", "chain"];
+
+    /// Whether it is NeRD itself.
+    pub fn usual(&self) -> bool {
+        *self == Self::Nerd
+    }
+
+    /// In a title.
+    pub fn name(self) -> &'static str {
+        if self == Self::Chain { "NeRD along the chain" } else { "NeRD" }
     }
 }

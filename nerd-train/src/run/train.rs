@@ -1,7 +1,5 @@
 //! One run: its data, its updates and its model.
 
-use std::time::{Duration, Instant};
-
 use super::agree;
 use super::card::{Identity, export, resume};
 use super::criterion::rollout_error;
@@ -12,7 +10,6 @@ use super::settings::RunConfig;
 use crate::checkpoint::{self, Best};
 #[cfg(feature = "cuda")]
 use crate::device::Device;
-use crate::learner::Learner;
 use crate::prelude::*;
 use crate::records::{Session, claimed};
 use crate::supply::{Supply, SupplyConfig};

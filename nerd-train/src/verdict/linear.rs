@@ -3,7 +3,6 @@
 use nalgebra::DMatrix;
 use nerd_model::neural::Neural;
 use nerd_model::normalizer::Moments;
-use nerd_model::transformer::{ForwardError, Stream};
 use nerd_sim::instruments::Hold;
 
 use crate::prelude::*;

@@ -1,15 +1,11 @@
 //! Options for the simulator that a policy acts in.
 
-use std::path::PathBuf;
-
-use anyhow::{Result, bail};
-use nerd_sim::truth::Truth;
 use nerd_tasks::named;
-use nerd_train::device::Device;
 use nerd_train::ppo::Arena;
 use nerd_train::shipped;
 
-use crate::options::{MODELS, unused, word};
+use crate::options::MODELS;
+use crate::prelude::*;
 use crate::solvers::SolverName;
 
 #[derive(clap::Args, Clone, Debug)]

@@ -1,8 +1,5 @@
 //! `cargo xtask policy train|co-train|evaluate|show`: policies trained on any solver, played on any other.
 
-use std::path::PathBuf;
-
-use anyhow::Result;
 use nerd_lab::cotrain::{CoTrainConfig, co_train};
 use nerd_lab::experiments::policies::Policies;
 use nerd_train::ppo::{Algorithm, Learned, PolicyRun, PpoConfig, folder};
@@ -13,7 +10,8 @@ mod arena;
 use arena::ArenaArgs;
 
 use crate::measure::Conduct;
-use crate::options::{Keys, Number, Positive, SEEDS, Whole, unused, value, word};
+use crate::options::{Number, SEEDS};
+use crate::prelude::*;
 use crate::{out, ranks};
 
 #[derive(clap::Args, Clone, Debug)]
@@ -37,7 +35,7 @@ pub enum PolicyVerb {
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct TrainArgs {
-    /// Task: cartpole-swingup, ant-run, ant-spin, ant-spin-track, franka-reach, franka-reach-torque, anymal-forward, anymal-side, lead-tip
+    /// Task: cartpole-swingup, ant-run, ant-spin, ant-spin-track, franka-reach, franka-reach-torque, anymal-forward, anymal-side, lead-tip, ant-point
     pub task: String,
     #[command(flatten)]
     pub arena: ArenaArgs,

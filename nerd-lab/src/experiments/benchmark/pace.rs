@@ -1,7 +1,5 @@
 //! What settings cost on a card, and how accurate they are there.
 
-use std::time::Instant;
-
 use nerd_core::state::difference;
 use nerd_sim::articulated::device::Real;
 use nerd_train::device::resident;

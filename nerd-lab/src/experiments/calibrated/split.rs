@@ -1,7 +1,5 @@
 //! Splits of a log by trajectory, and errors on the part that nothing was fitted to.
 
-use std::collections::BTreeMap;
-
 use nerd_sim::calibrate::{Distance, Fit, Subject, Trial, distance, mean};
 use nerd_sim::log::Log;
 use rand::RngExt;

@@ -1,7 +1,5 @@
 //! Rolls solvers out along recorded motions, and compares their contact points with the recorded ones.
 
-use std::time::{Duration, Instant};
-
 use nerd_train::cost::each;
 
 use crate::prelude::*;

@@ -54,6 +54,11 @@ pub trait Motion: Send {
     /// Clears what is remembered of an environment.
     fn reset(&mut self, _env: usize) {}
 
+    /// Whether the next frame depends on some before.
+    fn remembers(&self) -> bool {
+        false
+    }
+
     /// What is remembered of environments that do not follow on these frames of theirs is forgotten, as [`Motion::advance`] begins. From
     /// here on whoever calls [`Motion::frame`] sees to that, by [`Motion::memory`].
     ///
@@ -216,6 +221,13 @@ impl<M: Motion> Solver for OnDevice<M> {
 
     fn reset(&mut self, env: usize) {
         self.motion.reset(env);
+    }
+
+    fn remembered(&self, _env: usize) -> Result<Vec<f64>, StepError> {
+        if self.motion.remembers() {
+            return Err(StepError::Refused("what this network remembers stays on the card: fork it on the CPU".into()));
+        }
+        Ok(Vec::new())
     }
 
     fn capabilities(&self) -> Capabilities {

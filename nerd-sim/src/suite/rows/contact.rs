@@ -1,9 +1,6 @@
 //! Rows of contact: rest, bounces, impacts.
 
-use crate::prelude::*;
-use crate::suite::bodies::Body;
-use crate::suite::row::Row;
-use crate::suite::trial::{Error, Motion, Trial};
+use super::*;
 
 pub(super) static LANDING: [Row; 2] = [
     Row::new("rest", "distance from where it must lie after 5 s", "m", 1e-3, rest)

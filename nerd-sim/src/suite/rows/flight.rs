@@ -1,9 +1,6 @@
 //! Rows without contact or joints: what a free body must do.
 
-use crate::prelude::*;
-use crate::suite::bodies::{Body, UPRIGHT};
-use crate::suite::row::Row;
-use crate::suite::trial::{Error, Motion, Trial};
+use super::*;
 
 pub(super) static ROWS: [Row; 8] = [
     Row::new("free fall", "distance from the parabola, 1 s", "m", GRAVITY / 960.0, free_fall)

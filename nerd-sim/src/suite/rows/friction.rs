@@ -1,9 +1,6 @@
 //! Rows of friction: one body that slides or rolls.
 
-use crate::prelude::*;
-use crate::suite::bodies::{Body, UPRIGHT};
-use crate::suite::row::Row;
-use crate::suite::trial::{Error, Trial};
+use super::*;
 
 pub(super) static ROWS: [Row; 7] = [
     Row::new("stopping distance", "error, mu 0.2 0.4 0.7", "relative", 0.05, stopping)

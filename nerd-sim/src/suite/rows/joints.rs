@@ -4,10 +4,8 @@ use std::f64::consts::FRAC_PI_2;
 
 use rand::RngExt;
 
-use crate::prelude::*;
+use super::*;
 use crate::suite::bodies::{chain, slider, universal};
-use crate::suite::row::Row;
-use crate::suite::trial::{Error, Motion, Trial};
 
 pub(super) static ROWS: [Row; 9] = [
     Row::new("pendulum period", "mean error of the angle, 3.5 periods", "amplitudes", 0.01, period)

@@ -10,7 +10,10 @@ mod rolling;
 mod round;
 mod runner;
 
+use super::bodies::{Body, UPRIGHT};
 use super::row::Row;
+use super::trial::{Error, Motion, Trial};
+use crate::prelude::*;
 
 /// All rows, in the order of tables.
 pub(super) fn all() -> impl Iterator<Item = &'static Row> {

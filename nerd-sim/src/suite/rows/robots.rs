@@ -2,9 +2,7 @@
 
 use rand::RngExt;
 
-use crate::prelude::*;
-use crate::suite::row::Row;
-use crate::suite::trial::{Error, Trial};
+use super::*;
 
 /// Speed limit of ANYmal's joints (rad/s).
 const SPEED: f64 = 20.0;

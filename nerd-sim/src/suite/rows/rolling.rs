@@ -1,9 +1,6 @@
 //! Rows of bodies that travel and turn at once, whose spatial acceleration is not what their velocity changes by.
 
-use crate::prelude::*;
-use crate::suite::bodies::{Body, UPRIGHT};
-use crate::suite::row::Row;
-use crate::suite::trial::{Error, Motion, Trial};
+use super::*;
 
 pub(super) static ROWS: [Row; 5] = [
     Row::new("level rolling", "change of height, 1 to 20 m/s, 5 s", "m", 1e-4, |trial| worst(trial, height))

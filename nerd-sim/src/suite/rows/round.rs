@@ -2,10 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use crate::prelude::*;
-use crate::suite::bodies::Body;
-use crate::suite::row::Row;
-use crate::suite::trial::{Error, Trial};
+use super::*;
 
 pub(super) static ROWS: [Row; 3] = [
     Row::new("wheel", "way of a wheel, 1 m/s, 5 s", "relative", 0.01, wheel)

@@ -3,9 +3,8 @@
 
 use std::f64::consts::TAU;
 
-use crate::prelude::*;
-use crate::suite::row::Row;
-use crate::suite::trial::{Error, Motion, Trial, rise};
+use super::*;
+use crate::suite::trial::rise;
 
 /// Speed forwards (m/s), and about the axis across it (rad/s): it turns over as it runs.
 const SPEED: f64 = 8.0;

@@ -15,9 +15,9 @@ pub(crate) fn rounded(x: f64) -> f64 {
 /// The specification of a robot of which nothing is asked but to move: no torque, starts about zero.
 pub(crate) fn plain(robot: &Robot) -> Spec {
     let law = |x: f64| Range { low: -x, high: x };
-    let start = |q: f64, qd: f64| StartSpec { q: law(q), qd: law(qd), minus: None };
+    let starts = |q: f64, qd: f64| StartSpec { q: law(q), qd: law(qd), minus: None };
     let joint =
-        |joint: &Joint| JointSpec { name: joint.name.clone(), sample: start(1.0, 1.0), reset: start(0.1, 0.0), ..JointSpec::default() };
+        |joint: &Joint| JointSpec { name: joint.name.clone(), sample: starts(1.0, 1.0), reset: starts(0.1, 0.0), ..JointSpec::default() };
     Spec {
         floating: robot.floating(),
         frame_time: "1/60".into(),

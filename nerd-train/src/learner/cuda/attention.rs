@@ -1,9 +1,6 @@
 //! Attention on the device: its shape, and how its kernels are launched.
 
-use nerd_cuda::Arg::{Int, Ptr};
-use nerd_cuda::{Device, DeviceError};
-
-use crate::learner::LearnError;
+use super::*;
 
 /// Largest dynamic shared memory every device gives without asking, bytes.
 const SHARED: usize = 48 << 10;

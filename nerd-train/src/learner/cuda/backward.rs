@@ -7,14 +7,11 @@
 
 use std::collections::VecDeque;
 
-use nerd_cuda::Arg::{Int, Long, Ptr};
-use nerd_cuda::{DeviceError, Lane, Op as Operand};
-use nerd_model::program::{Op, Slot, Step};
+use nerd_cuda::Op as Operand;
 
-use super::attention::Attention;
-use super::network::{BackwardMemory, Network};
+use super::network::BackwardMemory;
 use super::passes::{Size, activation_kernels};
-use super::plan::Part;
+use super::*;
 
 /// Buffers of one length that are enough for both streams to go on.
 const SOME: usize = 3;

@@ -1,13 +1,8 @@
 //! [`CudaForward`]: predictions of given weights for many windows at once.
 
-use nerd_cuda::{Buffer, Replay};
-use nerd_model::program::Op;
-use nerd_model::transformer::{Forward, ForwardError, Weights};
+use nerd_model::transformer::Forward;
 
-use super::Precision;
-use super::network::Network;
-use super::plan::Plan;
-use crate::learner::LearnError;
+use super::*;
 
 /// Numbers of windows that passes are captured for.
 const SIZES: usize = 8;

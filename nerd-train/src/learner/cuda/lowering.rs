@@ -1,11 +1,7 @@
 //! From the steps of a program to the parts of a [`Plan`]: scales folded into matrices, biases and positions fused into the kernel that reads
 //! them. What the kernels do not cover is refused.
 
-use nerd_model::program::{Op, Program, Slot, Step, Weight};
-
-use super::attention::Attention;
-use super::plan::{Part, Plan};
-use crate::learner::LearnError;
+use super::*;
 
 impl Plan {
     /// Refuses what the kernels do not cover.

@@ -8,7 +8,6 @@
 mod attention;
 mod backward;
 mod forward;
-mod loss;
 mod lowering;
 mod muon;
 mod network;
@@ -18,11 +17,17 @@ mod plan;
 mod program;
 mod resident;
 mod slopes;
-mod source;
 mod stream;
 mod trainer;
 
-use nerd_model::transformer::{Stream, Weights, Windowed};
+use nerd_cuda::Arg::{self, Double, Float, Int, Long, Ptr};
+use nerd_cuda::{Buffer, Device, DeviceError, Event, Lane, Replay, Sums};
+use nerd_model::program::{Op, Program, Slot, Step, Weight};
+use nerd_model::transformer::Windowed;
+
+use crate::prelude::*;
+use attention::Attention;
+use plan::Part;
 
 pub use forward::CudaForward;
 pub use nerd_cuda::Precision;
@@ -35,8 +40,6 @@ pub use slopes::CudaSlopes;
 pub use stream::CudaStream;
 pub use trainer::CudaLearner;
 pub(crate) use trainer::joined;
-
-use super::LearnError;
 
 /// The engine of a network for at most `envs` environments: frame by frame if it can be, or else recomputing windows.
 pub fn stream(weights: &Weights, precision: Precision, envs: usize) -> Result<Box<dyn Stream>, LearnError> {

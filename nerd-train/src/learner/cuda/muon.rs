@@ -5,13 +5,9 @@
 
 use std::collections::BTreeSet;
 
-use nerd_cuda::Event;
-use nerd_model::transformer::TransformerConfig;
-
-use crate::learner::LearnError;
+use super::*;
 use crate::learner::muon::{COEFFICIENTS, Hidden, ITERATIONS, MOMENTUM, hidden, others};
-use nerd_cuda::Arg::{Float, Int, Ptr};
-use nerd_cuda::{Batch, Buffer, Device, DeviceError, Lane, Op};
+use nerd_cuda::{Batch, Op};
 
 /// All hidden matrices of one shape.
 struct Group {

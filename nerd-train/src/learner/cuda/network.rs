@@ -1,18 +1,12 @@
 //! A program's memory on a device, and the addresses of what is in it.
 //!
-//! Passes over it are in `passes.rs`, `loss.rs` and `backward.rs`; the plan that they follow is in `plan.rs`.
+//! Passes over it are in `passes.rs` and `backward.rs`; the plan that they follow is in `plan.rs`.
 
 use std::cell::RefCell;
 
-use nerd_cuda::Arg::Ptr;
-use nerd_cuda::{Arg, Buffer, Device, DeviceError, Event};
 use nerd_model::device::{Products, Whole, held_in_f16, whole_program};
-use nerd_model::program::{Op, Slot, Step, Weight};
 
-use super::Precision;
-use super::plan::{Part, Plan};
-use super::source::source;
-use crate::learner::LearnError;
+use super::*;
 
 /// Floats of partial sums over rows, unless one row of them has more.
 pub(super) const SUMS: usize = 1 << 17;
@@ -176,4 +170,29 @@ impl Network {
     pub(super) fn launch_each(&self, kernel: &str, count: usize, args: &[Arg]) -> Result<(), DeviceError> {
         self.device.launch(kernel, (count.div_ceil(256), 1), (256, 1), 0, args)
     }
+}
+
+/// Text and kernels of what a program has operations for, with its shapes in front.
+fn source(plan: &Plan) -> (String, Vec<&'static str>) {
+    let Plan { tokens, padded, norm, attention, .. } = plan;
+    let (inputs, outputs) = (plan.inputs(), plan.outputs());
+    let any = |is: fn(&Op) -> bool| plan.program.steps.iter().any(|step| is(&step.op));
+    let texts = [
+        (true, include_str!("kernels/common.cu")),
+        (true, include_str!("kernels/optimiser.cu")),
+        (*norm > 0, include_str!("kernels/norm.cu")),
+        (attention.is_some(), include_str!("kernels/attention.cu")),
+        (any(|op| matches!(op, Op::Activate(_))), include_str!("kernels/activate.cu")),
+        (any(|op| matches!(op, Op::Gate)), include_str!("kernels/gate.cu")),
+        (any(|op| matches!(op, Op::Neighbours(_))), include_str!("kernels/neighbours.cu")),
+    ];
+    let texts: Vec<&'static str> = texts.into_iter().filter(|(has, _)| *has).map(|(_, text)| text).collect();
+    let constants = format!(
+        "constexpr int T = {tokens}, IN = {inputs}, LDX = {padded}, OUT = {outputs}, NORM = {norm};\n\
+         constexpr bool BIASED = {};\n{}\n",
+        plan.biased(),
+        attention.map_or(String::new(), |attention| attention.constants()),
+    );
+    let names = texts.iter().flat_map(|text| text.split("extern \"C\" __global__ void ").skip(1));
+    (constants + &texts.concat(), names.filter_map(|rest| rest.split('(').next()).collect())
 }

@@ -2,12 +2,8 @@
 
 use std::mem::offset_of;
 
-use nerd_cuda::Arg::{Double, Float, Int, Long, Ptr};
-use nerd_cuda::{Buffer, Device, Sums};
-use nerd_model::transformer::{TransformerConfig, Weights};
-
 use super::muon::Muon;
-use crate::learner::{LearnError, LearnerConfig, LearnerState, Optimizer, Progress};
+use super::*;
 
 /// Blocks of the gradient norm's first stage.
 const NORM_BLOCKS: usize = 528;

@@ -3,11 +3,7 @@
 //! A scale is folded into the matrix that follows it, `W' = diag(w) W`, once an update. Both gradients follow from that of `W'`:
 //! `dW = diag(w) dW'` and `dw_i = sum_j dW'_ij W_ij`.
 
-use nerd_model::program::{Op, Program, Slot, Step, Weight};
-use nerd_model::transformer::TransformerConfig;
-
-use super::attention::Attention;
-use crate::learner::LearnError;
+use super::*;
 
 /// What one kernel or product computes.
 #[derive(Clone, Copy, Debug, PartialEq)]

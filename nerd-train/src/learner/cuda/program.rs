@@ -1,12 +1,6 @@
 //! [`CudaProgram`]: any program on a GPU, forward and backward.
 
-use nerd_cuda::{Buffer, DeviceError};
-use nerd_model::program::Program;
-
-use super::Precision;
-use super::network::Network;
-use super::plan::Plan;
-use crate::learner::LearnError;
+use super::*;
 
 /// A program over windows on this process's GPU, with all that a backward pass needs.
 pub struct CudaProgram {

@@ -1,18 +1,11 @@
 //! A model as a solver whose frames never leave the device: contacts, tokens, network and the state that follows are one captured graph
 //! a frame.
 
-use nerd_cuda::Arg::{Int, Ptr};
-use nerd_cuda::{Arg, Buffer, Device, DeviceError, Replay};
 use nerd_model::chain::{Chain, ChainSolver, OUTPUTS, chain_program, numbers};
 use nerd_model::device::{LANES, program, settings};
-use nerd_model::program::Slot;
 use nerd_sim::articulated::device::{BLOCK, Held, Motion, OnDevice, Reach, Real, failed};
 
-use super::Precision;
-use super::network::Network;
-use super::plan::Plan;
-use super::stream::CudaStream;
-use crate::prelude::*;
+use super::*;
 
 /// A model's frames: a kernel for what it sees, its network, a kernel for what follows.
 pub struct Frames {
@@ -132,6 +125,10 @@ impl Motion for Frames {
 
     fn frame(&mut self, held: &Held) -> Result<(), DeviceError> {
         self.made.as_ref().map_or(Ok(()), |made| made.go(held))
+    }
+
+    fn remembers(&self) -> bool {
+        self.model.config.network.reach() > 1
     }
 
     fn reset(&mut self, env: usize) {

@@ -1,13 +1,6 @@
 //! [`CudaStream`]: one token of every environment a frame, keys and values of the last ones kept on the device.
 
-use nerd_cuda::{Buffer, DeviceError, Replay};
-use nerd_model::program::Op;
-use nerd_model::transformer::{ForwardError, Stream, Weights};
-
-use super::Precision;
-use super::network::Network;
-use super::plan::Plan;
-use crate::learner::LearnError;
+use super::*;
 
 /// Inference with memory on this process's GPU: every frame computes the token of every environment in one graph.
 /// Tokens `[env][padded]` are in slot 0 before a pass; whoever makes one without [`Stream::push`] counts them.
@@ -85,6 +78,10 @@ impl CudaStream {
 impl Stream for CudaStream {
     fn push(&mut self, tokens: &[f32], out: &mut Vec<f32>) -> Result<(), ForwardError> {
         Ok(self.frame(tokens, out)?)
+    }
+
+    fn remembered(&self, _env: usize) -> Result<Vec<f64>, ForwardError> {
+        Err(ForwardError { message: "what this network remembers stays on the card: fork it on the CPU".into() })
     }
 
     fn clear(&mut self, env: usize) {

@@ -5,17 +5,8 @@
 
 use std::ops::Range;
 
-use nerd_cuda::Arg::{Long, Ptr};
-use nerd_cuda::{Buffer, Device, Replay, Sums};
-use nerd_model::program::Slot;
-
-use super::Precision;
-use super::network::Network;
-use super::optimiser::Optimiser;
-use super::plan::Plan;
-use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Progress, validation_rows};
-use crate::ranks::Ranks;
-use crate::windows::Windows;
+use super::*;
+use crate::learner::validation_rows;
 
 /// Adam's second beta.
 const BETA: f64 = 0.999;

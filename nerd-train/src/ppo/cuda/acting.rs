@@ -1,13 +1,7 @@
 //! A rollout on the device: actions, values, advantages and moments, by the kernels of `acting.cu`.
 
-use nerd_cuda::Arg::{Double, Int, Long, Ptr};
-use nerd_cuda::{Buffer, DeviceError};
-
-use super::CudaEngine;
-use super::memory::{Kept, PARTS, Steps};
-use crate::error::{Result, refuse};
-use crate::ppo::noise::key;
-use crate::ppo::{Policy, PpoConfig, Rollout, RunningMoments, StreamKey};
+use super::memory::PARTS;
+use super::*;
 
 /// Values of the network in units of reward: mean and scale.
 fn units(policy: &Policy) -> [f64; 2] {

@@ -1,9 +1,6 @@
 //! Memory on a card: of a rollout, of what passes read of it, and where an update is.
 
-use nerd_cuda::{Buffer, Device, DeviceError, Event};
-
-use crate::learner::cuda::Network;
-use crate::ppo::{PpoConfig, Shape};
+use super::*;
 
 /// Parts that sums over all steps are made in.
 pub(super) const PARTS: usize = 1024;

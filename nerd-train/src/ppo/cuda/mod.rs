@@ -9,17 +9,19 @@ mod pass;
 mod roll;
 mod world;
 
-use std::sync::Arc;
 use std::sync::mpsc::Receiver;
 
-use nerd_cuda::{Arg, Buffer, DeviceError, Precision, Replay, Sums};
-use nerd_sim::articulated::device::RANDOM;
+use nerd_cuda::Arg::{self, Double, Float, Int, Long, Ptr};
+use nerd_cuda::{Buffer, Device, DeviceError, Event, Lane, Precision, Replay, Sums};
+use nerd_sim::articulated::device::{BLOCK, RANDOM, Resident, failed};
+use nerd_sim::solver::{Fault, Simulation};
+use nerd_tasks::Snapshot;
 
+use super::noise::key;
 use super::team::Team;
-use super::{PpoConfig, Shape, StreamKey};
-use crate::error::Result;
+use super::{Adam, Ended, Policy, PpoConfig, Rollout, Running, RunningMoments, Shape, StreamKey, Taken, Terms, Updated};
 use crate::learner::cuda::{Network, Plan, joined};
-use crate::ranks::Ranks;
+use crate::prelude::*;
 use memory::{Kept, PassState, Steps};
 use world::World;
 

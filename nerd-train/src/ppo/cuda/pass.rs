@@ -1,14 +1,9 @@
 //! Passes of `update.rs` over a rollout on the device. The order of steps is drawn as on the CPU, so the minibatches are the
 //! same.
 
-use nerd_cuda::Arg::{Double, Float, Int, Long, Ptr};
-use nerd_cuda::DeviceError;
 use nerd_model::program::Slot;
 
-use super::memory::{PassState, Steps};
-use super::{CudaEngine, SQUARES, THREADS};
-use crate::error::{Error, Result, refuse};
-use crate::ppo::{Adam, Policy, PpoConfig, Terms, Updated};
+use super::*;
 
 impl CudaEngine {
     /// One minibatch of `whole` steps, of which `order` has these `rows` from `first` on.

@@ -1,13 +1,6 @@
 //! A rollout that never leaves the device: policy, task, solver and reward, step by step.
 
-use nerd_cuda::Arg::{Int, Ptr};
-use nerd_cuda::{DeviceError, Lane};
-use nerd_sim::articulated::device::Resident;
-
-use super::CudaEngine;
-use super::world::World;
-use crate::error::Result;
-use crate::ppo::{Ended, Policy, PpoConfig, Running, StreamKey, Taken};
+use super::*;
 
 impl CudaEngine {
     /// Steps every environment through a horizon, from where `running` is.

@@ -1,13 +1,6 @@
 //! [`World`]: episodes whose states, goals and ends never leave the device, stepped by a solver that keeps its batch there.
 
-use nerd_cuda::Arg::{Int, Ptr};
-use nerd_cuda::{Arg, Buffer, Device, DeviceError, Event, Lane};
-use nerd_sim::articulated::device::{BLOCK, Resident, failed};
-use nerd_sim::sampling::stream;
-use nerd_sim::solver::{Fault, Simulation, StepError};
-use nerd_tasks::{Episodes, Snapshot};
-
-use crate::ppo::noise::key;
+use super::*;
 
 /// Mirror of `World` in `task.cuh`.
 #[repr(C)]

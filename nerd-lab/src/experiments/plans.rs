@@ -1,0 +1,186 @@
+//! Planners: actions found by looking ahead in a model, or in the truth's own method at few substeps, and acted in the truth; beside a policy.
+
+use nerd_tasks::Episodes;
+use nerd_tasks::plan::{Mppi, MppiConfig, Planner};
+use nerd_train::ppo::{Actor, Game, folder, plan, play};
+
+use super::games::{Reward, policy_of, truth_of};
+use crate::prelude::*;
+
+/// Steps by which a pace is measured.
+const PACED: u64 = 60;
+
+settings! {
+    /// Planners that look ahead in one solver and act in the truth.
+    pub struct Plans {
+        /// Tasks, comma-separated
+        task: Vec<String> = ["cartpole-swingup", "ant-point", "franka-reach-torque"].map(String::from).into(), Texts;
+        /// Where they look ahead, comma-separated: neural (the model that comes with the project), or x1, x2, x4 and so on (articulated
+        /// with so many substeps)
+        ahead: Vec<String> = ["neural", "x1", "x2", "x4"].map(String::from).into(), Texts;
+        /// Games of each
+        games: usize = 100, Whole(STARTS);
+        /// Seed of the starts
+        seed: u64 = 500, Whole(SEEDS);
+        /// Plans that are compared, instead of a task's own number
+        samples: Option<usize> = None, Whole(2..=65_536);
+        /// Steps of a plan, instead of a task's own number
+        steps: Option<usize> = None, Whole(1..=1000);
+        /// Standard deviation of what is added to actions, instead of a task's own
+        noise: Option<f64> = None, Positive;
+        /// Temperature (reward), instead of a task's own
+        temperature: Option<f64> = None, Positive;
+        /// Steps that what is added is held for, instead of a task's own
+        hold: Option<usize> = None, Whole(1..=1000);
+    }
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    pub task: String,
+    pub planner: String,
+    pub ahead: String,
+    pub games: usize,
+    /// Share of games that stayed where they were asked to be ([`Game::stayed`]).
+    pub success: f64,
+    pub reward: Reward,
+    /// Actions a second, for one environment.
+    pub hertz: f64,
+    pub samples: usize,
+    pub steps: usize,
+}
+
+/// A planner, and the time that it takes.
+struct Paced<P> {
+    planner: P,
+    spent: Duration,
+    calls: u64,
+}
+
+impl<P: Planner> Planner for Paced<P> {
+    fn act(&mut self, present: &Episodes) -> Result<Vec<f64>, StepError> {
+        let begun = Instant::now();
+        let actions = self.planner.act(present);
+        (self.spent, self.calls) = (self.spent + begun.elapsed(), self.calls + 1);
+        actions
+    }
+}
+
+impl Plans {
+    fn config(&self, task: &str) -> MppiConfig {
+        let shared = MppiConfig { seed: self.seed, ..MppiConfig::default() };
+        let own = match task {
+            // What swings a pole up takes .8 s of looking ahead.
+            "cartpole-swingup" => MppiConfig { samples: 16, steps: 48, noise: 0.15, hold: 4, temperature: 3.0, ..shared },
+            _ => shared,
+        };
+        MppiConfig {
+            samples: self.samples.unwrap_or(own.samples),
+            steps: self.steps.unwrap_or(own.steps),
+            noise: self.noise.unwrap_or(own.noise),
+            temperature: self.temperature.unwrap_or(own.temperature),
+            hold: self.hold.unwrap_or(own.hold),
+            ..own
+        }
+    }
+
+    fn arena(&self, task: &str, ahead: &str) -> Result<Arena> {
+        let robot = nerd_tasks::named(task)?.robot();
+        if ahead == "neural" {
+            return Ok(Arena::Model { folder: shipped::model_of_task(task, robot), device: Device::Cpu });
+        }
+        let Some(n) = ahead.strip_prefix('x').and_then(|n| n.parse().ok()).filter(|n| *n > 0) else {
+            bail!("--set ahead={ahead}: neural, or a number of substeps as in x4 is needed");
+        };
+        let bare = System::named(robot)?.robot.contact_points.is_empty();
+        Ok(Arena::Judge(if bare { Setting::Rk4(n) } else { Setting::Implicit(n) }))
+    }
+
+    fn row(&self, task: &str, ahead: &str) -> Result<Row> {
+        let (config, arena, truth) = (self.config(task), self.arena(task, ahead)?, Arena::Truth(Truth::Articulated));
+        let planner = |n: usize| -> Result<Mppi> { Ok(Mppi::new(arena.episodes(task, n * config.samples, 0)?, config)) };
+        let mut paced = Paced { planner: planner(1)?, spent: Duration::ZERO, calls: 0 };
+        let mut one = truth.episodes(task, 1, self.seed)?;
+        for _ in 0..PACED {
+            let actions = paced.act(&one)?;
+            one.step(&actions)?;
+        }
+        let mut episodes = truth.episodes(task, self.games, self.seed)?;
+        let bar = bar(&format!("steps of {} games of {task}, planned in {ahead}", self.games), episodes.task.episode_length());
+        let games = plan(&mut planner(self.games)?, &mut episodes, &mut |_| bar.add(1))?;
+        bar.finish();
+        let hertz = paced.calls as f64 / paced.spent.as_secs_f64();
+        Ok(Row { planner: "MPPI".into(), hertz, samples: config.samples, steps: config.steps, ..row(task, &arena.title()?, &games) })
+    }
+
+    /// The first policy of a task that was trained in a model, if one comes with the project.
+    fn policy(&self, task: &str) -> Result<Option<PathBuf>> {
+        Ok(shipped::policies(&format!("{task}-neural"))?.into_iter().next())
+    }
+
+    fn policy_row(&self, task: &str, path: &Path) -> Result<Row> {
+        let (policy, truth) = (policy_of(path, task)?, Arena::Truth(Truth::Articulated));
+        let actor = Actor::new(policy.clone());
+        let seen = vec![0.1; policy.shape.stack * nerd_tasks::named(task)?.observation_dim()];
+        let begun = Instant::now();
+        (0..PACED).for_each(|_| drop(std::hint::black_box(actor.mean(&seen))));
+        let hertz = PACED as f64 / begun.elapsed().as_secs_f64();
+        let games = play(&policy, &mut truth.episodes(task, self.games, self.seed)?, &mut |_| ())?;
+        Ok(Row { planner: "policy".into(), hertz, ..row(task, &folder::load(path)?.0.solver, &games) })
+    }
+}
+
+/// What games say.
+fn row(task: &str, ahead: &str, games: &[Game]) -> Row {
+    let success = games.iter().filter(|game| game.stayed).count() as f64 / games.len() as f64;
+    let (reward, games) = (Reward::of(games), games.len());
+    Row { task: task.into(), planner: String::new(), ahead: ahead.into(), games, success, reward, hertz: 0.0, samples: 0, steps: 0 }
+}
+
+impl Experiment for Plans {
+    fn about(&self) -> Result<About> {
+        let mut inputs = Inputs::default();
+        for task in &self.task {
+            let of = nerd_tasks::named(task)?;
+            inputs.add(Input::robot(&*System::named(of.robot())?));
+            inputs.add(truth_of(task, Truth::Articulated)?);
+            for ahead in &self.ahead {
+                match self.arena(task, ahead)? {
+                    Arena::Model { folder, .. } => inputs.add(Input::model(&folder)?),
+                    Arena::Judge(setting) => inputs.add(Input::motion(of.robot(), of.scene(), &setting)?),
+                    _ => {}
+                }
+            }
+            if let Some(path) = self.policy(task)? {
+                inputs.add(Input::policy(&path)?);
+            }
+        }
+        let effort = (self.games * self.task.len() * self.ahead.len()) as f64;
+        Ok(About { name: "plans".into(), seed: self.seed, effort, inputs })
+    }
+
+    fn measure(&self) -> Result<Measured> {
+        let core = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
+        let mut rows = Vec::new();
+        for task in &self.task {
+            for ahead in &self.ahead {
+                rows.push(core.install(|| self.row(task, ahead))?);
+            }
+            if let Some(path) = self.policy(task)? {
+                rows.push(core.install(|| self.policy_row(task, &path))?);
+            }
+        }
+        let line = |r: &Row| {
+            let size = if r.steps == 0 { "-".into() } else { format!("{} x {}", r.samples, r.steps) };
+            let cells = [r.task.clone(), r.planner.clone(), r.ahead.clone(), size];
+            let reward = format!("{:.1} +- {:.1}", r.reward.mean, r.reward.standard_error);
+            cells.into_iter().chain([format!("{:.0}", 100.0 * r.success), reward, format!("{:.0}", r.hertz)]).collect()
+        };
+        let header = ["task", "by", "planned or trained in", "plans x steps", "success (%)", "reward", "Hz on one core"];
+        let note = "Acted in the truth. Success: the episode goes on to its end, and throughout its last quarter the pole is within 0.2 rad of \
+                    upright, the torso within 0.5 m of its point, the hand within 0.05 m of its target; actions beyond a torque's limits are \
+                    clamped. Hz: actions a second for one environment. +-: standard error over games.";
+        let table = Table::new("plans", &header).with(rows.iter().map(line)).noted(note);
+        Measured::new(&serde_json::json!({ "rows": rows }), vec![table])
+    }
+}

@@ -1,0 +1,122 @@
+//! Slopes of a frame, as vector-Jacobian products: the frame is stepped as ever, and what its substeps ended with is gone back over, the last one
+//! first (`docs/slopes.md`).
+
+mod explicit;
+mod kept;
+mod law;
+mod row;
+mod stage;
+mod weigh;
+
+use nalgebra::Vector3;
+use nerd_core::contact::{ContactPoint, Locus};
+use nerd_core::dynamics::{crba, kinematics, motions, motions_back, onto};
+use nerd_core::spatial::Wrench;
+
+pub(super) use kept::Kept;
+use kept::Step;
+use row::Row;
+use stage::{Memory, Place};
+
+use super::config::{ArticulatedConfig, ContactStep, Integrator, Settings};
+use super::workspace::Workspace;
+use crate::batch::Batch;
+use crate::scene::Scene;
+use crate::solver::StepError;
+use crate::solver::parallel::{Back, Frame};
+use crate::system::System;
+
+/// Refuses what has no slopes.
+pub(super) fn covered(config: &ArticulatedConfig, batch: &Batch) -> Result<(), StepError> {
+    let systems = || std::iter::once(&batch.system).chain(&batch.systems);
+    let rim = |point: &ContactPoint| matches!(point.locus, Locus::Rim { .. });
+    let touch = batch.scenes.iter().any(|scene| !scene.colliders.is_empty());
+    let missing = if systems().any(|s| !s.folds.is_empty()) {
+        "a robot whose links touch each other (self_collision) has no slopes yet: leave it off"
+    } else if systems().any(|s| !s.stand_ins.is_empty()) {
+        "a robot whose mass matrix is paired as the reference's (stand_ins) has no slopes: take its other specification"
+    } else if touch && systems().any(|s| s.robot.contact_points.iter().any(rim)) {
+        "contact points that run round a rim have no slopes yet: give the robot [[contact]] points"
+    } else if config.integrator == Integrator::SymplecticEuler || touch && config.contact_step == ContactStep::Explicit {
+        "symplectic Euler has no slopes: take ArticulatedConfig::accurate or implicit"
+    } else {
+        return Ok(());
+    };
+    Err(StepError::Refused(missing.into()))
+}
+
+impl Back for Workspace {
+    fn back(
+        &mut self,
+        system: &System,
+        scene: &Scene,
+        settings: &Settings,
+        state: &mut [f64],
+        tau: &[f64],
+        by_next: &[f64],
+    ) -> Result<[Vec<f64>; 2], String> {
+        let robot = &system.robot;
+        let start = state.to_vec();
+        self.kept = Some(Kept::default());
+        let stepped = self.step(system, scene, settings, state, tau);
+        let kept = self.kept.take().unwrap_or_default();
+        stepped?;
+        let begin = |by_next| Row::begin(robot, state, by_next, self.touches.weights.len());
+        let mut rows: Vec<Row> = by_next.chunks_exact(2 * robot.nv()).map(begin).collect();
+        let place = Place { system, scene, friction: settings.config.friction };
+        if kept.states.is_empty() {
+            self.back_implicit(place, &kept.steps, &mut rows);
+        } else {
+            let dt = system.frame_time / kept.states.len() as f64;
+            self.back_runge_kutta(place, tau, &kept.states, dt, &mut rows)?;
+        }
+        let (mut states, mut torques) = (Vec::new(), Vec::new());
+        for row in rows {
+            states.extend(row.end(robot, &start));
+            torques.extend(row.torque);
+        }
+        Ok([states, torques])
+    }
+}
+
+impl Workspace {
+    /// Back over implicit substeps.
+    fn back_implicit(&mut self, place: Place, steps: &[Step], rows: &mut [Row]) {
+        let robot = &place.system.robot;
+        let mut memory = Memory::new(robot);
+        self.data.external.fill(Wrench::default());
+        for (number, step) in steps.iter().enumerate().rev() {
+            let (before, h) = (&steps[..number], step.h);
+            let Some(last) = step.stages.last() else { continue };
+            let end: Vec<f64> = step.qd.iter().zip(&last.rate).map(|(v, a)| v + h * a).collect();
+            kinematics(robot, &step.q, &mut self.data);
+            crba(robot, &mut self.data);
+            motions(robot, &step.qd, &self.data, &mut memory.starts);
+            for row in rows.iter_mut() {
+                row.drift(robot, &end, 0.5 * h);
+                row.rate.iter_mut().zip(&row.speed).for_each(|(a, v)| *a += h * v);
+                row.loads.fill(Wrench::default());
+                row.starts.fill(Wrench::default());
+                row.way = Vector3::zeros();
+            }
+            for stage in step.stages.iter().rev() {
+                self.back_stage(place, step, stage, rows, &mut memory);
+            }
+            self.back_weights(place, step, before, rows, &mut memory);
+            for row in rows.iter_mut() {
+                motions_back(robot, &self.data, &step.qd, &mut row.starts, &mut row.loads, &mut row.speed);
+                // Of a root's load the moment alone is a slope of what it carries; its way changes gaps.
+                let way = [3, 4, 5].map(|k| row.pose.get(k).copied().unwrap_or_default());
+                onto(robot, &self.data, &mut row.loads, &mut row.pose);
+                if robot.floating() {
+                    (0..3).for_each(|k| row.pose[3 + k] = way[k] + row.way[k]);
+                }
+                row.drift(robot, &step.qd, 0.5 * h);
+                if before.is_empty() {
+                    // No rate is known before the first.
+                    row.rate.fill(0.0);
+                }
+            }
+        }
+    }
+}

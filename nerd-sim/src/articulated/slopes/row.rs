@@ -1,0 +1,95 @@
+//! One gradient on its way back through a frame.
+
+use nalgebra::{Rotation3, Vector3};
+use nerd_core::frames::own_velocity;
+use nerd_core::robot::Robot;
+use nerd_core::spatial::Wrench;
+use nerd_core::state::{quaternion, vector};
+
+/// Gradients by what a substep begins with. Those by the pose and velocity of a floating root are in world axes: by a turn, by a way of its
+/// origin, by its angular velocity, by that of its origin.
+pub(super) struct Row {
+    pub(super) pose: Vec<f64>,
+    pub(super) speed: Vec<f64>,
+    /// By the rate of the solve before.
+    pub(super) rate: Vec<f64>,
+    pub(super) torque: Vec<f64>,
+    /// By w of every touch, and by dampings and shares of the joints: of all the frame's substeps so far.
+    pub(super) weights: Vec<f64>,
+    pub(super) braked: Vec<f64>,
+    pub(super) shares: Vec<f64>,
+    /// In a substep: by displacements of links, by twists at its start, by a way of the root.
+    pub(super) loads: Vec<Wrench>,
+    pub(super) starts: Vec<Wrench>,
+    pub(super) way: Vector3<f64>,
+}
+
+impl Row {
+    /// From a gradient by the state after the frame, `[2 nv]` in its tangent space; of so many weights.
+    pub(super) fn begin(robot: &Robot, state: &[f64], by_next: &[f64], weights: usize) -> Self {
+        let (nv, joints, links) = (robot.nv(), robot.joint_count(), robot.links.len());
+        let (mut pose, mut speed) = (by_next[..nv].to_vec(), by_next[nv..].to_vec());
+        if robot.floating() {
+            let (r, [a, b]) = (quaternion(&state[3..7]), own_velocity(state, robot.nq()));
+            let [turn, way, by_a, by_b] = [&pose, &pose[3..], &speed, &speed[3..]].map(vector);
+            // Numbers in world axes at a turn: R^-1 w changes by R^-1 (dw - t x w).
+            set(&mut pose, [r * (turn - a.cross(&by_a) - b.cross(&by_b)), r * way]);
+            set(&mut speed, [r * by_a, r * by_b]);
+        }
+        Self {
+            pose,
+            speed,
+            rate: vec![0.0; nv],
+            torque: vec![0.0; joints],
+            weights: vec![0.0; weights],
+            braked: vec![0.0; joints],
+            shares: vec![0.0; joints],
+            loads: vec![Wrench::default(); links],
+            starts: vec![Wrench::default(); links],
+            way: Vector3::zeros(),
+        }
+    }
+
+    /// The gradient by the state before the frame.
+    pub(super) fn end(&self, robot: &Robot, state: &[f64]) -> Vec<f64> {
+        let mut out = [&self.pose[..], &self.speed].concat();
+        if robot.floating() {
+            let (r, [a, b]) = (quaternion(&state[3..7]).inverse(), own_velocity(state, robot.nq()));
+            let [turn, way, by_w, by_v] = [&self.pose, &self.pose[3..], &self.speed, &self.speed[3..]].map(|x| r * vector(x));
+            set(&mut out, [turn + a.cross(&by_w) + b.cross(&by_v), way]);
+            set(&mut out[robot.nv()..], [by_w, by_v]);
+        }
+        out
+    }
+
+    /// Back over a drift of the pose for a time (s) at local velocities `qd`, in which a root turns by `exp(w t)`.
+    pub(super) fn drift(&mut self, robot: &Robot, qd: &[f64], time: f64) {
+        let dofs = robot.root_dofs();
+        self.speed[dofs..].iter_mut().zip(&self.pose[dofs..]).for_each(|(v, x)| *v += time * x);
+        if robot.floating() {
+            let [by_w, by_v, turn, way] = [&self.speed, &self.speed[3..], &self.pose, &self.pose[3..]].map(vector);
+            let phi = vector(qd) * time;
+            set(&mut self.speed, [by_w + spread(&phi, &turn) * time, by_v + way * time]);
+            set(&mut self.pose, [Rotation3::new(-phi) * turn, way]);
+        }
+    }
+}
+
+/// Writes two vectors.
+pub(super) fn set(out: &mut [f64], parts: [Vector3<f64>; 2]) {
+    out.iter_mut().zip(parts.iter().flatten()).for_each(|(o, x)| *o = *x);
+}
+
+/// What a change d of a rotation vector does to `exp(phi)`, a turn `J d` in fixed axes, the other way: `J^T x`, with
+/// `J = 1 + (1 - cos) / phi^2 [phi] + (phi - sin) / phi^3 [phi]^2`.
+fn spread(phi: &Vector3<f64>, x: &Vector3<f64>) -> Vector3<f64> {
+    let square = phi.norm_squared();
+    let (b, c) = if square < 1e-6 {
+        (0.5 - square / 24.0, 1.0 / 6.0 - square / 120.0)
+    } else {
+        let size = square.sqrt();
+        ((1.0 - size.cos()) / square, (size - size.sin()) / (square * size))
+    };
+    let once = phi.cross(x);
+    x - once * b + phi.cross(&once) * c
+}

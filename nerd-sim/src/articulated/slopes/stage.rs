@@ -1,0 +1,196 @@
+//! Back over the solves of an implicit substep with one velocity in its middle, by the implicit function theorem.
+
+use nalgebra::{DMatrix, DVector, Vector3};
+use nerd_core::dynamics::{Adjoint, Data, bias, motions};
+use nerd_core::robot::Robot;
+use nerd_core::spatial::{Motion, Wrench};
+use nerd_core::state::vector;
+
+use super::super::config::Friction;
+use super::super::find::above;
+use super::super::touch::{Contact, Touch};
+use super::super::workspace::Workspace;
+use super::kept::{Stage, Step};
+use super::law::{At, ContactLaw, JointLaw};
+use super::row::{Row, set};
+use crate::scene::Scene;
+use crate::system::System;
+
+/// Working memory of the way back.
+pub(super) struct Memory {
+    pub(super) adjoint: Adjoint,
+    /// Twists of links at a substep's start, and what accelerations do to them.
+    pub(super) starts: Vec<Motion>,
+    quickened: Vec<Motion>,
+    columns: Vec<(usize, Vector3<f64>)>,
+    by_middle: Vec<f64>,
+    /// `(dR/da)^T` of the residual R.
+    matrix: DMatrix<f64>,
+}
+
+impl Memory {
+    pub(super) fn new(robot: &Robot) -> Self {
+        let (n, nv) = (robot.links.len(), robot.nv());
+        Self {
+            adjoint: Adjoint::new(robot),
+            starts: vec![Motion::default(); n],
+            quickened: vec![Motion::default(); n],
+            columns: Vec::new(),
+            by_middle: vec![0.0; nv],
+            matrix: DMatrix::zeros(nv, nv),
+        }
+    }
+}
+
+/// What acts in a stage.
+enum Law {
+    Contact(Contact, ContactLaw),
+    /// At a joint, with its place among all weights.
+    Joint(usize, Option<usize>, JointLaw),
+}
+
+/// Where the robot is.
+#[derive(Clone, Copy)]
+pub(super) struct Place<'a> {
+    pub(super) system: &'a System,
+    pub(super) scene: &'a Scene,
+    pub(super) friction: Friction,
+}
+
+impl Workspace {
+    /// Takes the gradients `rate` of the rows, by this stage's rate, to what its substep begins with, and to the rate of the stage before.
+    /// Needs kinematics and the mass matrix of the substep's middle.
+    pub(super) fn back_stage(&mut self, place: Place, step: &Step, stage: &Stage, rows: &mut [Row], memory: &mut Memory) {
+        let (robot, h) = (&place.system.robot, step.h);
+        let dofs = robot.root_dofs();
+        bias(robot, &stage.middle, &place.scene.gravity, &mut self.data);
+        let (mut qdd, mut turn) = (stage.rate.clone(), Vector3::zeros());
+        if robot.floating() {
+            turn = vector(&stage.middle).cross(&vector(&stage.middle[3..]));
+            (0..3).for_each(|k| qdd[3 + k] -= turn[k]);
+        }
+        motions(robot, &qdd, &self.data, &mut memory.quickened);
+        let laws = self.laws(place, step, stage, (&qdd, &turn), &memory.quickened);
+        let Memory { adjoint, starts, columns, by_middle, matrix, .. } = memory;
+        let data = &self.data;
+        matrix.copy_from(&data.mass);
+        step.shares.iter().enumerate().for_each(|(i, share)| matrix[(dofs + i, dofs + i)] += share);
+        for law in &laws {
+            match law {
+                Law::Contact(contact, law) => {
+                    columns.clear();
+                    above(robot, data, contact.link, &contact.x, columns);
+                    for (i, a) in columns.iter() {
+                        let along = law.by_change.tr_mul(a) * h;
+                        columns.iter().for_each(|(j, b)| matrix[(*j, *i)] -= along.dot(b));
+                    }
+                }
+                Law::Joint(joint, _, law) => matrix[(dofs + joint, dofs + joint)] -= h * law.by_change,
+            }
+        }
+        let solver = matrix.clone().lu();
+        for row in rows {
+            let mut virtuals = DVector::from_column_slice(&row.rate);
+            if !solver.solve_mut(&mut virtuals) {
+                // No numbers are found at the end.
+                virtuals.fill(f64::NAN);
+            }
+            let virtuals = virtuals.as_slice();
+            by_middle.fill(0.0);
+            let mut by_turn = if robot.floating() { vector(&row.rate[3..]) } else { Vector3::zeros() };
+            adjoint.begin(robot, data, virtuals, &qdd, &mut row.loads);
+            for (i, joint) in robot.joints().enumerate() {
+                let own = virtuals[dofs + i];
+                row.torque[i] += own;
+                row.pose[dofs + i] -= joint.stiffness * own;
+                row.speed[dofs + i] -= step.braked[i] * own;
+                row.braked[i] -= step.qd[dofs + i] * own;
+                row.shares[i] -= qdd[dofs + i] * own;
+            }
+            for law in &laws {
+                match law {
+                    Law::Contact(contact, law) => {
+                        let radius = robot.contact_points[contact.point].radius;
+                        by_turn += press_back(contact, law, (h, radius), data, starts, adjoint, row);
+                    }
+                    Law::Joint(joint, weight, law) => {
+                        let own = virtuals[dofs + joint];
+                        row.pose[dofs + joint] += law.by_gap * own;
+                        row.speed[dofs + joint] += law.by_rate * own;
+                        weight.iter().for_each(|weight| row.weights[*weight] += law.by_weight * own);
+                    }
+                }
+            }
+            adjoint.end(robot, data, (virtuals, &stage.middle, &qdd), &mut row.loads, by_middle);
+            if robot.floating() {
+                let [w, v, by_w, by_v] = [&stage.middle, &stage.middle[3..], by_middle, &by_middle[3..]].map(vector);
+                set(by_middle, [by_w + v.cross(&by_turn), by_v + by_turn.cross(&w)]);
+            }
+            row.speed.iter_mut().zip(by_middle.iter()).for_each(|(s, m)| *s += m);
+            row.rate.iter_mut().zip(by_middle.iter()).for_each(|(r, m)| *r = 0.5 * h * m);
+        }
+    }
+
+    /// What acts in a stage whose `bias` was called.
+    fn laws(&self, place: Place, step: &Step, stage: &Stage, (qdd, turn): (&[f64], &Vector3<f64>), quickened: &[Motion]) -> Vec<Law> {
+        let Place { system, scene, friction } = place;
+        let (robot, h) = (&system.robot, step.h);
+        let weight = |index: usize| self.touches.weights[index].unwrap_or(f64::INFINITY);
+        let at = At { h, weight: f64::INFINITY, friction, first: stage.first, even: self.touches.even };
+        let change = |joint: usize| h * qdd[robot.root_dofs() + joint];
+        let law = |touch: &Touch| match touch {
+            Touch::Contact(contact) => {
+                let (at, mut contact) = (At { weight: weight(contact.index), ..at }, contact.clone());
+                contact.bend(&robot.contact_points[contact.point], &self.data, &(scene.gravity - turn), turn, h);
+                let material = &self.materials[contact.index % scene.colliders.len()];
+                let law = ContactLaw::of(&contact, &at, material, &(quickened[contact.link].at(&contact.x) * h));
+                Law::Contact(contact, law)
+            }
+            Touch::Limit(spring) => {
+                let at = At { weight: weight(spring.index), ..at };
+                let whole = robot.joints().nth(spring.joint).and_then(|j| j.limit).map(|l| [l.stiffness, l.damping]);
+                Law::Joint(spring.joint, Some(spring.index), JointLaw::spring(spring, &at, whole, change(spring.joint)))
+            }
+            Touch::Drive { spring, .. } => {
+                let at = At { weight: weight(spring.index), ..at };
+                Law::Joint(spring.joint, Some(spring.index), JointLaw::spring(spring, &at, None, change(spring.joint)))
+            }
+            Touch::Friction(dry) => Law::Joint(dry.joint, None, JointLaw::friction(dry, &at, change(dry.joint))),
+        };
+        step.touches.iter().zip(&stage.idle).filter(|(_, idle)| !**idle).map(|(touch, _)| law(touch)).collect()
+    }
+}
+
+/// Back over a contact's force on its link under the virtual motion in `adjoint`, of a point of this radius. Returns the gradient by the root's
+/// `w x v`.
+fn press_back(
+    contact: &Contact,
+    law: &ContactLaw,
+    (h, radius): (f64, f64),
+    data: &Data,
+    starts: &[Motion],
+    adjoint: &mut Adjoint,
+    row: &mut Row,
+) -> Vector3<f64> {
+    let (i, x) = (contact.link, &contact.x);
+    let (twist, bent) = (&data.velocity[i], &data.acceleration[i]);
+    let (own, quickened) = (adjoint.virtuals[i], adjoint.quickened[i]);
+    let by_force = own.at(x);
+    let [by_change, by_velocity, by_bend] = [law.by_change, law.by_velocity, law.by_bend].map(|slope| slope.tr_mul(&by_force));
+    let (by_gap, along) = (contact.normal * law.by_gap.dot(&by_force), by_change * h);
+    row.weights[contact.index] += law.by_weight.dot(&by_force);
+    row.way += by_gap;
+    // Its place moves with the middle of its ball, and bends with what that does: w x (velocity of the middle).
+    let middle = x + contact.normal * radius;
+    let by_moves = by_bend.cross(&twist.ang);
+    adjoint.by_virtual[i] += Wrench::force_at(law.force, x);
+    adjoint.by_quickened[i] += Wrench::force_at(along, x);
+    adjoint.by_acceleration[i] += Wrench::force_at(by_bend, x);
+    adjoint.by_velocity[i] += Wrench::force_at(by_moves, &middle);
+    adjoint.by_velocity[i].ang += twist.at(&middle).cross(&by_bend);
+    row.starts[i] += Wrench::force_at(by_velocity, x);
+    let of = [(law.force, &own), (along, &quickened), (by_velocity, &starts[i]), (by_bend, bent), (by_moves, twist)];
+    let by_place = of.iter().fold(by_gap, |sum, (by, motion)| sum + by.cross(&motion.ang));
+    row.loads[i] += Wrench::force_at(by_place, &middle);
+    along - by_bend
+}
