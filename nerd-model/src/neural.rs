@@ -11,10 +11,12 @@ use rayon::prelude::*;
 use crate::folder::Model;
 use crate::frame::Frame;
 use crate::program::cpu::Loaded;
-use crate::transformer::{Architecture, ForwardError, Stream, packed};
+use crate::transformer::{Architecture, ForwardError, Stream, even, packed};
 
 /// Environments that one thread prepares in a row.
 const CHUNK: usize = 16;
+/// Most environments whose way back is made at once, at least as many.
+const ROWS: usize = 128;
 
 /// A model as a [`Solver`].
 pub struct Neural {
@@ -119,11 +121,13 @@ impl Solver for Neural {
         }
         self.begin(batch)?;
         let network = self.slopes.get_or_insert_with(|| Loaded::new(config.program(), &self.model.weights.flat));
+        // Weights pass by more rows at once than tokens are made for.
+        let size = even(batch.len(), ROWS).max(CHUNK);
         let one = |(i, frame): (usize, &mut Frame)| {
-            let envs = (i * CHUNK, CHUNK.min(batch.len() - i * CHUNK));
+            let envs = (i * size, size.min(batch.len() - i * size));
             frame.back((batch, torques), network, envs, (rows, by_next))
         };
-        let parts: Vec<Slopes> = self.frames.par_iter_mut().enumerate().map(one).collect();
+        let parts: Vec<Slopes> = self.frames.par_iter_mut().take(batch.len().div_ceil(size)).enumerate().map(one).collect();
         let all = |of: fn(&Slopes) -> &[f64]| parts.iter().map(of).collect::<Vec<_>>().concat();
         Ok(Slopes { next: all(|s| &s.next), states: all(|s| &s.states), torques: all(|s| &s.torques) })
     }

@@ -46,7 +46,7 @@ pub(crate) fn check(config: &TransformerConfig, inputs: &[f32], tokens: usize, l
 pub(super) const ROWS: usize = 512;
 
 /// Even blocks of `n` things, of at most so many, and as many blocks as keep every thread busy.
-pub(super) fn even(n: usize, most: usize) -> usize {
+pub(crate) fn even(n: usize, most: usize) -> usize {
     let threads = rayon::current_num_threads();
     n.div_ceil(threads * n.div_ceil(threads * most).max(1)).max(1)
 }

@@ -11,6 +11,7 @@ mod weights;
 pub use self::burn::BurnForward;
 pub use crate::program::config::{Architecture, Positions, TransformerConfig};
 pub use crate::program::{Init, TensorSpec};
+pub(crate) use forward::even;
 pub use forward::{Forward, ForwardError, PackedForward};
 pub use rotary::PackedStream;
 pub use stream::{Stream, Windowed};

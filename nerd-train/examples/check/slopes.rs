@@ -12,8 +12,9 @@ use crate::with::{Checks, Outcome, apart, numbers};
 
 /// Environments.
 const N: usize = 512;
-/// Iterations of a policy.
-const ITERATIONS: usize = 40;
+/// Seconds that a policy learns, beside those in which kernels are made, and between two lines.
+const SECONDS: f64 = 25.0;
+const EVERY: f64 = 2.5;
 
 fn folder(robot: &str) -> PathBuf {
     Path::new("models").join(robot)
@@ -55,17 +56,17 @@ pub fn slopes(checks: &mut Checks) -> Outcome {
         let known = named(task)?;
         let arena = Arena::Model { folder: folder(known.robot()), device: Device::Cuda };
         let mut run = arena.trainer(known, PpoConfig::shac(task)?, 1, &Default::default())?;
-        let started = Instant::now();
-        for k in 1..=ITERATIONS {
-            let line = run.iterate()?;
-            if k % 10 == 0 {
+        run.iterate()?;
+        let (started, mut told) = (Instant::now(), 0.0);
+        while run.state.iteration < run.config.iterations && started.elapsed().as_secs_f64() < SECONDS {
+            let (line, passed) = (run.iterate()?, started.elapsed().as_secs_f64());
+            if passed > told + EVERY {
+                told = passed;
+                let (reward, length) = (line.reward.unwrap_or(f64::NAN), line.length.unwrap_or(f64::NAN));
+                let (rolled, learned) = (1e3 * line.rollout_seconds, 1e3 * line.update_seconds);
                 println!(
-                    "   {task}, iteration {k}: {:.1} s, reward {:?} over {:?} steps, rollouts {:.3} s, updates {:.3} s",
-                    started.elapsed().as_secs_f64(),
-                    line.reward,
-                    line.length,
-                    line.rollout_seconds,
-                    line.update_seconds
+                    "   {task}, {passed:.1} s, iteration {}: reward {reward:.1} over {length:.0} steps, {rolled:.0} + {learned:.0} ms",
+                    line.step
                 );
             }
         }

@@ -1,7 +1,7 @@
 //! [`CudaSlopes`]: slopes of a model's frame on the device, in f32 around the network in f64.
 
 use nerd_cuda::Arg::{Int, Ptr};
-use nerd_cuda::{Arg, Buffer, DeviceError};
+use nerd_cuda::{Arg, Buffer, DeviceError, Replay};
 use nerd_model::device::{settings, slope_program};
 use nerd_model::program::Slot;
 use nerd_sim::articulated::device::{Reach, failed, record};
@@ -25,6 +25,12 @@ pub struct CudaSlopes {
     states: Buffer<f64>,
     torques: Buffer<f64>,
     next: Buffer<f64>,
+    /// Gradients by the next states, by states and by torques, of so many rows.
+    upstream: Buffer<f64>,
+    slopes: Buffer<f64>,
+    by_torques: Buffer<f64>,
+    rows: usize,
+    replay: Replay<usize>,
     /// Gradients by weights, which nobody asks for, and by tokens.
     by_weights: Buffer<f32>,
     by_tokens: Buffer<f32>,
@@ -62,6 +68,11 @@ impl CudaSlopes {
                 states: d.zeros(batch.states.len())?,
                 torques: d.zeros(n * system.robot.joint_count())?,
                 next: d.zeros(batch.states.len())?,
+                upstream: d.zeros(1)?,
+                slopes: d.zeros(1)?,
+                by_torques: d.zeros(1)?,
+                rows: 0,
+                replay: Replay::default(),
                 by_weights: d.zeros(weights.len)?,
                 by_tokens: d.zeros(n * config.inputs)?,
                 weights,
@@ -77,7 +88,7 @@ impl CudaSlopes {
     }
 
     /// As [`Solver::back`].
-    pub fn back(&self, batch: &Batch, torques: &[f64], rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
+    pub fn back(&mut self, batch: &Batch, torques: &[f64], rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
         let (robot, n) = (&batch.system.robot, batch.len());
         let (wide, joints) = (n * rows * 2 * robot.nv(), n * robot.joint_count());
         if by_next.len() != wide || torques.len() != joints {
@@ -85,30 +96,43 @@ impl CudaSlopes {
             return Err(StepError::Solver(format!("{found} numbers of gradients and {held} torques, {wide} and {joints} are needed")));
         }
         let mut found = Slopes { next: vec![0.0; batch.states.len()], states: vec![0.0; wide], torques: vec![0.0; rows * joints] };
-        self.found(batch, torques, (rows, by_next), &mut found).map_err(failed)?;
+        self.run(batch, torques, (rows, by_next), &mut found).map_err(failed)?;
         Ok(found)
     }
 
-    fn found(&self, batch: &Batch, held: &[f64], (rows, by_next): (usize, &[f64]), out: &mut Slopes) -> Result<(), DeviceError> {
-        let Self { network, weights, records, scene_of, states, torques, next, by_weights, by_tokens, .. } = self;
-        let (d, n) = (&network.device, batch.len());
-        d.write(states, &batch.states)?;
-        d.write(torques, held)?;
-        let (upstream, slopes, by_torques) = (d.upload(by_next)?, d.zeros::<f64>(out.states.len())?, d.zeros::<f64>(out.torques.len())?);
-        let each = |kernel: &str, args: &[Arg]| d.launch(kernel, (n.div_ceil(THREADS), 1), (THREADS, 1), 0, args);
-        let (said, scenes) = (Ptr(network.predictions().ptr), [Ptr(records.ptr), Ptr(scene_of.ptr)]);
+    fn run(&mut self, batch: &Batch, held: &[f64], (rows, by_next): (usize, &[f64]), out: &mut Slopes) -> Result<(), DeviceError> {
+        if self.rows != rows {
+            let d = &self.network.device;
+            (self.upstream, self.slopes) = (d.zeros(by_next.len())?, d.zeros(by_next.len())?);
+            (self.by_torques, self.rows, self.replay) = (d.zeros(out.torques.len())?, rows, Replay::default());
+        }
+        let d = &self.network.device;
+        d.write(&self.states, &batch.states)?;
+        d.write(&self.torques, held)?;
+        d.write(&self.upstream, by_next)?;
+        self.replay.run(d, "slopes", rows, || self.pass(batch.len(), rows))?;
+        d.read(&self.next, &mut out.next)?;
+        d.read(&self.slopes, &mut out.states)?;
+        d.read(&self.by_torques, &mut out.torques)
+    }
+
+    /// Forth and back, row by row.
+    fn pass(&self, n: usize, rows: usize) -> Result<(), DeviceError> {
+        let Self { network, weights, .. } = self;
+        let each = |kernel: &str, args: &[Arg]| network.device.launch(kernel, (n.div_ceil(THREADS), 1), (THREADS, 1), 0, args);
+        let [states, torques, records, scene_of, said] =
+            [self.states.ptr, self.torques.ptr, self.records.ptr, self.scene_of.ptr, network.predictions().ptr].map(Ptr);
+        let [upstream, by_tokens] = [self.upstream.ptr, self.by_tokens.ptr].map(Ptr);
         for row in 0..rows {
             let which = [rows, row, n].map(Int);
-            each("slopes_look", &[&[Ptr(states.ptr), Ptr(torques.ptr)], &scenes[..], &[Ptr(network.at(Slot(0))), Int(n)]].concat())?;
+            each("slopes_look", &[states, torques, records, scene_of, Ptr(network.at(Slot(0))), Int(n)])?;
             network.forward(weights.ptr, n)?;
-            let written = [upstream.ptr, next.ptr, network.targets.ptr].map(Ptr);
-            each("slopes_said", &[&[Ptr(states.ptr), said][..], &written, &which].concat())?;
-            network.backward(weights.ptr, by_weights.ptr, n, Some(by_tokens.ptr))?;
-            let written = [by_tokens.ptr, upstream.ptr, slopes.ptr, by_torques.ptr].map(Ptr);
-            each("slopes_back", &[&[Ptr(states.ptr)], &scenes[..], &[said], &written, &which].concat())?;
+            let written = [Ptr(self.next.ptr), Ptr(network.targets.ptr)];
+            each("slopes_said", &[&[states, said, upstream][..], &written, &which].concat())?;
+            network.backward(weights.ptr, self.by_weights.ptr, n, Some(self.by_tokens.ptr))?;
+            let written = [Ptr(self.slopes.ptr), Ptr(self.by_torques.ptr)];
+            each("slopes_back", &[&[states, records, scene_of, said, by_tokens, upstream][..], &written, &which].concat())?;
         }
-        d.read(next, &mut out.next)?;
-        d.read(&slopes, &mut out.states)?;
-        d.read(&by_torques, &mut out.torques)
+        Ok(())
     }
 }
