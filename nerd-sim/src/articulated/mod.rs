@@ -28,4 +28,5 @@ mod workspace;
 pub use crate::system::Refresh;
 pub use along::along;
 pub use config::{ArticulatedConfig, ContactStep, Friction, Integrator};
+pub use slopes::numbers;
 pub use solver::Articulated;

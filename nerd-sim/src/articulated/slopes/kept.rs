@@ -26,6 +26,8 @@ pub(super) struct Step {
     pub(super) shares: Vec<f64>,
     /// Each with the rate of the one before for its middle.
     pub(super) stages: Vec<Stage>,
+    /// Whether it was too long, and two halves of it went on from where it began, with its rate for the first one's middle.
+    pub(super) lost: bool,
 }
 
 /// Solves of a substep with one velocity in its middle.
@@ -58,7 +60,7 @@ impl Kept {
         self.stages.push(Stage { middle: now.middle.clone(), rate: now.rate.clone(), idle, first });
     }
 
-    pub(in super::super) fn step(&mut self, h: f64, q: &[f64], qd: &[f64], now: &Touches) {
+    pub(in super::super) fn step(&mut self, h: f64, q: &[f64], qd: &[f64], now: &Touches, lost: bool) {
         self.steps.push(Step {
             h,
             q: q.to_vec(),
@@ -67,6 +69,7 @@ impl Kept {
             braked: now.braked.clone(),
             shares: now.shares.clone(),
             stages: std::mem::take(&mut self.stages),
+            lost,
         });
     }
 }
