@@ -17,6 +17,7 @@ mod fold;
 pub mod force;
 mod frame;
 mod implicit;
+mod kept;
 mod kick;
 mod slopes;
 mod solver;

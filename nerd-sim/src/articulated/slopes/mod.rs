@@ -2,7 +2,6 @@
 //! first (`docs/slopes.md`).
 
 mod explicit;
-mod kept;
 mod law;
 mod numbers;
 mod row;
@@ -14,14 +13,13 @@ use nerd_core::contact::{ContactPoint, Locus};
 use nerd_core::dynamics::{crba, kinematics, motions, motions_back};
 use nerd_core::spatial::Wrench;
 
-pub(super) use kept::Kept;
-use kept::Step;
 use numbers::Numbers;
 pub use numbers::numbers;
 use row::Row;
 use stage::{Memory, Place};
 
 use super::config::{ArticulatedConfig, ContactStep, Integrator, Settings};
+use super::kept::{Kept, Step};
 use super::workspace::Workspace;
 use crate::batch::Batch;
 use crate::scene::Scene;
@@ -66,7 +64,7 @@ impl Back for Workspace {
         let kept = self.kept.take().unwrap_or_default();
         stepped?;
         let place = Place { system, scene, friction: settings.config.friction };
-        let begin = |by_next| Row::begin(robot, state, by_next, self.touches.weights.len(), Numbers::new(place, numbers));
+        let begin = |by_next| Row::begin(robot, state, by_next, self.touches.weights.len(), Numbers::new(robot, scene, numbers));
         let mut rows: Vec<Row> = by_next.chunks_exact(2 * robot.nv()).map(begin).collect();
         if kept.states.is_empty() {
             self.back_implicit(place, &kept.steps, &mut rows);

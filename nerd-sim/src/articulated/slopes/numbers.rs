@@ -2,7 +2,6 @@
 
 use nerd_core::spatial::Motion;
 
-use super::stage::Place;
 use crate::prelude::*;
 
 /// Where each is. Of every link its mass (kg), centre of mass (m), inertia about that (kg m^2, nine numbers) and where its joint is on the link
@@ -102,8 +101,8 @@ pub(super) struct Numbers {
 }
 
 impl Numbers {
-    pub(super) fn new(place: Place, asked: bool) -> Self {
-        let at = Layout::of(&place.system.robot, place.scene.colliders.len());
+    pub(super) fn new(robot: &Robot, scene: &Scene, asked: bool) -> Self {
+        let at = Layout::of(robot, scene.colliders.len());
         Self { at, values: vec![0.0; if asked { at.len() } else { 0 }] }
     }
 

@@ -8,9 +8,9 @@ use nerd_core::state::vector;
 
 use super::super::config::Friction;
 use super::super::find::above;
+use super::super::kept::{Stage, Step};
 use super::super::touch::{Contact, Touch};
 use super::super::workspace::Workspace;
-use super::kept::{Stage, Step};
 use super::law::{At, ContactLaw, JointLaw};
 use super::numbers::{ARMATURE, FRICTION, Layout, NORMAL, OFFSET};
 use super::row::{Row, set};

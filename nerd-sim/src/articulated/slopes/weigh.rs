@@ -5,9 +5,9 @@ use nerd_core::robot::Robot;
 use nerd_core::spatial::Wrench;
 
 use super::super::implicit::Damped;
+use super::super::kept::Step;
 use super::super::touch::{Contact, Touch};
 use super::super::workspace::Workspace;
-use super::kept::Step;
 use super::numbers::{ARMATURE, DAMPING, NORMAL};
 use super::row::Row;
 use super::stage::{Memory, Place};
