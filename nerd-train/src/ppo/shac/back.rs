@@ -5,7 +5,7 @@ use nerd_sim::prelude::*;
 use nerd_tasks::{Episodes, View, Work};
 use rayon::prelude::*;
 
-use super::Steps;
+use super::steps::Steps;
 use crate::error::Result;
 use crate::ppo::{Policy, PpoConfig, TRUNCATED};
 

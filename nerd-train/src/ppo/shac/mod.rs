@@ -15,20 +15,19 @@
 
 mod back;
 mod critic;
+mod steps;
 
 use std::sync::Arc;
 
 use nerd_sim::sampling::stream;
-use nerd_tasks::{Episodes, Trace};
+use nerd_tasks::Episodes;
 
 use super::gae::advantages;
-use super::noise::drawn;
 use super::team::Team;
-use super::{
-    Actor, Adam, Ended, Engine, Policy, PpoConfig, Running, RunningMoments, StreamKey, TERMINATED, TRUNCATED, Taken, Terms, Updated,
-};
+use super::{Adam, Engine, Policy, PpoConfig, Running, RunningMoments, StreamKey, Taken, Terms, Updated};
 use crate::error::{Result, refuse};
 use crate::ranks::Ranks;
+use steps::Steps;
 
 /// Decay of Adam's moments, as in the paper.
 const BETA: [f64; 2] = [0.7, 0.95];
@@ -38,20 +37,6 @@ const KEPT: f32 = 0.2;
 const SPREAD: f32 = -1.0;
 /// Least share of the first rate.
 const LEAST: f64 = 1e-2;
-
-/// What is kept of a rollout, by step and environment.
-#[derive(Default)]
-struct Steps {
-    /// Observations, those after the last step too; and where time ran out, in their order.
-    rows: Vec<f64>,
-    cut: Vec<f64>,
-    /// Actions as drawn, and their means.
-    drawn: Vec<f32>,
-    mean: Vec<f32>,
-    rewards: Vec<f64>,
-    ends: Vec<u8>,
-    trace: Trace,
-}
 
 /// SHAC on the CPU, over any solver with slopes.
 pub struct Shac {
@@ -98,38 +83,6 @@ impl Shac {
     fn value(&self, policy: &Policy) -> Policy {
         Policy { flat: self.slow.clone(), ..policy.clone() }
     }
-
-    /// Steps every environment through a horizon.
-    fn steps(
-        &self,
-        episodes: &mut Episodes,
-        running: &mut Running,
-        policy: &Policy,
-        config: &PpoConfig,
-        noise: StreamKey,
-    ) -> Result<(Steps, Taken)> {
-        let (mut kept, mut taken, mut cut) = (Steps::default(), Taken::default(), Vec::new());
-        let (actor, first) = (Actor::new(policy.clone()), self.team.part.start * policy.shape.action);
-        episodes.trace();
-        for t in 0..config.horizon {
-            let answer = actor.answer(&running.stack.rows);
-            let drawn = drawn(&answer, StreamKey { number: noise.number + t as u64, ..noise }, first);
-            kept.rows.extend_from_slice(&running.stack.rows);
-            let actions: Vec<f64> = drawn.iter().map(|a| f64::from(a.clamp(-1.0, 1.0))).collect();
-            kept.drawn.extend(drawn);
-            kept.mean.extend(answer.mean);
-            let (result, ended) = running.step(episodes, &actions, &mut cut)?;
-            taken.ended.extend(ended.into_iter().map(|ended| Ended { step: t, ..ended }));
-            taken.failed += result.failed;
-            let both = result.terminated.iter().zip(&result.truncated);
-            kept.ends.extend(both.map(|(terminated, truncated)| if *terminated { TERMINATED } else { TRUNCATED * u8::from(*truncated) }));
-            kept.rewards.extend(result.rewards);
-            kept.cut.extend_from_slice(&cut);
-        }
-        kept.rows.extend_from_slice(&running.stack.rows);
-        kept.trace = episodes.trace();
-        Ok((kept, taken))
-    }
 }
 
 impl Engine for Shac {
@@ -141,7 +94,7 @@ impl Engine for Shac {
         config: &PpoConfig,
         noise: StreamKey,
     ) -> Result<Taken> {
-        let (steps, taken) = self.steps(episodes, running, policy, config, noise)?;
+        let (steps, taken) = Steps::rolled(episodes, running, policy, config, (noise, self.team.part.start))?;
         let value = self.value(policy);
         (self.gradient, self.earned) = back::gradient(&steps, episodes, policy, &value, config, self.team.all)?;
         let values = |rows: &[f64]| if rows.is_empty() { Vec::new() } else { value.values(&value.answer(rows)) };

@@ -1,0 +1,54 @@
+//! A rollout of a policy, with all that its way back needs.
+
+use nerd_tasks::{Episodes, Trace};
+
+use crate::error::Result;
+use crate::ppo::noise::drawn;
+use crate::ppo::{Actor, Ended, Policy, PpoConfig, Running, StreamKey, TERMINATED, TRUNCATED, Taken};
+
+/// What is kept of a rollout, by step and environment.
+#[derive(Default)]
+pub(super) struct Steps {
+    /// Observations, those after the last step too; and where time ran out, in their order.
+    pub rows: Vec<f64>,
+    pub cut: Vec<f64>,
+    /// Actions as drawn, and their means.
+    pub drawn: Vec<f32>,
+    pub mean: Vec<f32>,
+    pub rewards: Vec<f64>,
+    pub ends: Vec<u8>,
+    pub trace: Trace,
+}
+
+impl Steps {
+    /// Steps every environment through a horizon; the first of them has this number among all.
+    pub fn rolled(
+        episodes: &mut Episodes,
+        running: &mut Running,
+        policy: &Policy,
+        config: &PpoConfig,
+        (noise, first): (StreamKey, usize),
+    ) -> Result<(Self, Taken)> {
+        let (mut kept, mut taken, mut cut) = (Self::default(), Taken::default(), Vec::new());
+        let (actor, first) = (Actor::new(policy.clone()), first * policy.shape.action);
+        episodes.trace();
+        for t in 0..config.horizon {
+            let answer = actor.answer(&running.stack.rows);
+            let drawn = drawn(&answer, StreamKey { number: noise.number + t as u64, ..noise }, first);
+            kept.rows.extend_from_slice(&running.stack.rows);
+            let actions: Vec<f64> = drawn.iter().map(|a| f64::from(a.clamp(-1.0, 1.0))).collect();
+            kept.drawn.extend(drawn);
+            kept.mean.extend(answer.mean);
+            let (result, ended) = running.step(episodes, &actions, &mut cut)?;
+            taken.ended.extend(ended.into_iter().map(|ended| Ended { step: t, ..ended }));
+            taken.failed += result.failed;
+            let both = result.terminated.iter().zip(&result.truncated);
+            kept.ends.extend(both.map(|(terminated, truncated)| if *terminated { TERMINATED } else { TRUNCATED * u8::from(*truncated) }));
+            kept.rewards.extend(result.rewards);
+            kept.cut.extend_from_slice(&cut);
+        }
+        kept.rows.extend_from_slice(&running.stack.rows);
+        kept.trace = episodes.trace();
+        Ok((kept, taken))
+    }
+}
