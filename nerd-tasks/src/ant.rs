@@ -68,6 +68,16 @@ impl Formulas for Ant {
         }
     }
 
+    /// Of [`Self::Point`] alone: the way to it (m), and an upright torso at the height of its start that does not spin.
+    fn residuals<N: Number>(&self, sight: &mut impl Sight<N>) -> Vec<N> {
+        if *self != Self::Point {
+            return Vec::new();
+        }
+        let Body { height, up, angular, .. } = Body::of(sight);
+        let upright = [N::from(3.0) * (N::from(1.0) - up), N::from(2.0) * (height - N::from(0.7))];
+        way(sight).into_iter().chain(upright).chain(angular.map(|w| N::from(0.1) * w)).collect()
+    }
+
     fn miss<N: Number>(&self, sight: &mut impl Sight<N>) -> Option<N> {
         (*self == Self::Point).then(|| distance(sight) / N::from(NEAR))
     }

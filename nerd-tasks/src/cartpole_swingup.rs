@@ -41,6 +41,12 @@ impl Formulas for CartpoleSwingup {
         N::from(5.0) - theta.squared() - N::from(0.05) * x.squared() - moved
     }
 
+    /// The reward is 5 less their squares.
+    fn residuals<N: Number>(&self, sight: &mut impl Sight<N>) -> Vec<N> {
+        let (tenth, twentieth) = (N::from(0.1_f64.sqrt()), N::from(0.05_f64.sqrt()));
+        vec![sight.q(1).wrap(), twentieth * sight.q(0), tenth * sight.qd(1), tenth * sight.qd(0)]
+    }
+
     fn miss<N: Number>(&self, sight: &mut impl Sight<N>) -> Option<N> {
         Some(sight.q(1).wrap().abs() / N::from(NEAR))
     }

@@ -247,18 +247,30 @@ impl Episodes {
         self.simulation.reset(env, &state);
     }
 
+    /// What a planner of least squares makes small of where an environment is; empty if its task has none.
+    pub(crate) fn residuals(&mut self, env: usize) -> Vec<f64> {
+        let view = view(&self.simulation.batch, &self.goals, self.task.goal_dim(), env);
+        self.task.slopes().map_or_else(Vec::new, |task| task.residuals(view, &mut self.works[env / CHUNK]))
+    }
+
+    /// Whether where an environment is ends its episode.
+    pub(crate) fn over(&mut self, env: usize) -> bool {
+        self.task.terminated(view(&self.simulation.batch, &self.goals, self.task.goal_dim(), env), &mut self.works[env / CHUNK])
+    }
+
     /// Torques of every environment.
-    fn act(&mut self, actions: &[f64]) {
+    pub(crate) fn act(&mut self, actions: &[f64]) -> &[f64] {
         let (task, batch, goals) = (&*self.task, &self.simulation.batch, &*self.goals);
         let (width, joints) = (task.action_dim(), batch.system.robot.joint_count());
         rows(&mut self.torques, joints, &mut self.works, |env, torques, work| {
             task.act(view(batch, goals, task.goal_dim(), env), &actions[env * width..(env + 1) * width], work, torques);
         });
+        &self.torques
     }
 
     /// One frame. An environment that cannot be stepped is marked and restarted; the others have been stepped. One that fails in
     /// the first frame of an episode is an error.
-    fn frame(&mut self, failed: &mut [bool]) -> Result<(), StepError> {
+    pub(crate) fn frame(&mut self, failed: &mut [bool]) -> Result<(), StepError> {
         self.past.push(&self.simulation.batch.states, &self.torques);
         if let Some(trace) = &mut self.trace {
             trace.states.extend_from_slice(&self.simulation.batch.states);

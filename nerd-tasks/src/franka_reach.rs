@@ -59,6 +59,13 @@ impl Formulas for FrankaReach {
         torques.iter_mut().zip(gains).zip(action).for_each(|((tau, gain), a)| *tau = N::from(gain) * *a);
     }
 
+    /// The way to the target (dm), and slow joints.
+    fn residuals<N: Number>(&self, sight: &mut impl Sight<N>) -> Vec<N> {
+        let tool = sight.place(JOINTS - 1, TOOL);
+        let way = (0..3).map(|k| N::from(10.0) * (tool[k] - sight.goal(k)));
+        way.chain((0..JOINTS).map(|k| N::from(0.1) * sight.qd(k))).collect()
+    }
+
     fn miss<N: Number>(&self, sight: &mut impl Sight<N>) -> Option<N> {
         Some(distance(sight) / N::from(NEAR))
     }

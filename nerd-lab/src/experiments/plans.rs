@@ -1,20 +1,24 @@
 //! Planners: actions found by looking ahead in a model, or in the truth's own method at few substeps, and acted in the truth; beside a policy.
 
 use nerd_tasks::Episodes;
-use nerd_tasks::plan::{Mppi, MppiConfig, Planner};
+use nerd_tasks::plan::{Ilqr, IlqrConfig, Mppi, MppiConfig, Planner};
 use nerd_train::ppo::{Actor, Game, folder, plan, play};
+
+use rayon::prelude::*;
 
 use super::games::{Reward, policy_of, truth_of};
 use crate::prelude::*;
 
 /// Steps by which a pace is measured.
-const PACED: u64 = 60;
+const PACED: u32 = 60;
 
 settings! {
     /// Planners that look ahead in one solver and act in the truth.
     pub struct Plans {
         /// Tasks, comma-separated
         task: Vec<String> = ["cartpole-swingup", "ant-point", "franka-reach-torque"].map(String::from).into(), Texts;
+        /// Planners, comma-separated: mppi, ilqr
+        planner: Vec<String> = ["mppi", "ilqr"].map(String::from).into(), Texts;
         /// Where they look ahead, comma-separated: neural (the model that comes with the project), or x1, x2, x4 and so on (articulated
         /// with so many substeps)
         ahead: Vec<String> = ["neural", "x1", "x2", "x4"].map(String::from).into(), Texts;
@@ -22,15 +26,17 @@ settings! {
         games: usize = 100, Whole(STARTS);
         /// Seed of the starts
         seed: u64 = 500, Whole(SEEDS);
-        /// Plans that are compared, instead of a task's own number
+        /// Plans that are compared by mppi, instead of a task's own number
         samples: Option<usize> = None, Whole(2..=65_536);
         /// Steps of a plan, instead of a task's own number
         steps: Option<usize> = None, Whole(1..=1000);
-        /// Standard deviation of what is added to actions, instead of a task's own
+        /// Weight of squared actions to ilqr, instead of a task's own
+        effort: Option<f64> = None, Positive;
+        /// Standard deviation of what mppi adds to actions, instead of a task's own
         noise: Option<f64> = None, Positive;
-        /// Temperature (reward), instead of a task's own
+        /// Temperature of mppi (reward), instead of a task's own
         temperature: Option<f64> = None, Positive;
-        /// Steps that what is added is held for, instead of a task's own
+        /// Steps that what mppi adds is held for, instead of a task's own
         hold: Option<usize> = None, Whole(1..=1000);
     }
 }
@@ -46,28 +52,32 @@ pub struct Row {
     pub reward: Reward,
     /// Actions a second, for one environment.
     pub hertz: f64,
-    pub samples: usize,
+    /// Compared for an action, and their steps.
+    pub plans: usize,
     pub steps: usize,
 }
 
-/// A planner, and the time that it takes.
-struct Paced<P> {
-    planner: P,
-    spent: Duration,
-    calls: u64,
+/// Actions a second of a planner for one environment, by the time that its thread had on a core, so that who else works there does not count.
+fn paced(mut planner: Box<dyn Planner>, truth: &mut Episodes) -> Result<f64> {
+    let mut spent = 0.0;
+    for _ in 0..PACED {
+        let begun = on_core()?;
+        let actions = planner.act(truth)?;
+        spent += on_core()? - begun;
+        truth.step(&actions)?;
+    }
+    Ok(f64::from(PACED) / spent)
 }
 
-impl<P: Planner> Planner for Paced<P> {
-    fn act(&mut self, present: &Episodes) -> Result<Vec<f64>, StepError> {
-        let begun = Instant::now();
-        let actions = self.planner.act(present);
-        (self.spent, self.calls) = (self.spent + begun.elapsed(), self.calls + 1);
-        actions
-    }
+/// Time (s) that this thread has had on a core, as Linux counts it.
+fn on_core() -> Result<f64> {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat")?;
+    let nanoseconds: f64 = text.split_whitespace().next().unwrap_or_default().parse()?;
+    Ok(1e-9 * nanoseconds)
 }
 
 impl Plans {
-    fn config(&self, task: &str) -> MppiConfig {
+    fn mppi(&self, task: &str) -> MppiConfig {
         let shared = MppiConfig { seed: self.seed, ..MppiConfig::default() };
         let own = match task {
             // What swings a pole up takes .8 s of looking ahead.
@@ -84,6 +94,24 @@ impl Plans {
         }
     }
 
+    fn ilqr(&self, task: &str) -> IlqrConfig {
+        let own = match task {
+            "cartpole-swingup" => IlqrConfig { steps: 48, ..IlqrConfig::default() },
+            _ => IlqrConfig { steps: 24, ..IlqrConfig::default() },
+        };
+        IlqrConfig { steps: self.steps.unwrap_or(own.steps), effort: self.effort.unwrap_or(own.effort), ..own }
+    }
+
+    /// A planner for so many environments, with the plans that it compares, and their steps.
+    fn planner(&self, name: &str, task: &str, arena: &Arena, n: usize) -> Result<(Box<dyn Planner>, [usize; 2])> {
+        let (mppi, ilqr) = (self.mppi(task), self.ilqr(task));
+        Ok(match name {
+            "mppi" => (Box::new(Mppi::new(arena.episodes(task, n * mppi.samples, 0)?, mppi)), [mppi.samples, mppi.steps]),
+            "ilqr" => (Box::new(Ilqr::new(arena.episodes(task, n * ilqr.search, 0)?, ilqr)?), [ilqr.search, ilqr.steps]),
+            _ => bail!("--set planner={name}: mppi or ilqr is needed"),
+        })
+    }
+
     fn arena(&self, task: &str, ahead: &str) -> Result<Arena> {
         let robot = nerd_tasks::named(task)?.robot();
         if ahead == "neural" {
@@ -96,21 +124,22 @@ impl Plans {
         Ok(Arena::Judge(if bare { Setting::Rk4(n) } else { Setting::Implicit(n) }))
     }
 
-    fn row(&self, task: &str, ahead: &str) -> Result<Row> {
-        let (config, arena, truth) = (self.config(task), self.arena(task, ahead)?, Arena::Truth(Truth::Articulated));
-        let planner = |n: usize| -> Result<Mppi> { Ok(Mppi::new(arena.episodes(task, n * config.samples, 0)?, config)) };
-        let mut paced = Paced { planner: planner(1)?, spent: Duration::ZERO, calls: 0 };
+    fn row(&self, task: &str, name: &str, ahead: &str) -> Result<Row> {
+        let (arena, truth) = (self.arena(task, ahead)?, Arena::Truth(Truth::Articulated));
+        let (planner, [plans, steps]) = self.planner(name, task, &arena, 1)?;
         let mut one = truth.episodes(task, 1, self.seed)?;
-        for _ in 0..PACED {
-            let actions = paced.act(&one)?;
-            one.step(&actions)?;
-        }
-        let mut episodes = truth.episodes(task, self.games, self.seed)?;
-        let bar = bar(&format!("steps of {} games of {task}, planned in {ahead}", self.games), episodes.task.episode_length());
-        let games = plan(&mut planner(self.games)?, &mut episodes, &mut |_| bar.add(1))?;
+        let hertz = rayon::ThreadPoolBuilder::new().num_threads(1).build()?.install(|| paced(planner, &mut one))?;
+        let bar = bar(&format!("games of {task}, {name} in {ahead}"), self.games as u64);
+        // Planned for alone each, so that all cores have something to do; what is drawn is the game's own.
+        let game = |k: usize| -> Result<Vec<Game>> {
+            let mut episodes = truth.part(nerd_tasks::named(task)?, k..k + 1, self.seed)?;
+            let games = plan(&mut *self.planner(name, task, &arena, 1)?.0, &mut episodes, &mut |_| ())?;
+            bar.add(1);
+            Ok(games)
+        };
+        let games = (0..self.games).into_par_iter().map(game).collect::<Result<Vec<_>>>()?.concat();
         bar.finish();
-        let hertz = paced.calls as f64 / paced.spent.as_secs_f64();
-        Ok(Row { planner: "MPPI".into(), hertz, samples: config.samples, steps: config.steps, ..row(task, &arena.title()?, &games) })
+        Ok(Row { planner: name.into(), hertz, plans, steps, ..row(task, &arena.title()?, &games) })
     }
 
     /// The first policy of a task that was trained in a model, if one comes with the project.
@@ -122,9 +151,9 @@ impl Plans {
         let (policy, truth) = (policy_of(path, task)?, Arena::Truth(Truth::Articulated));
         let actor = Actor::new(policy.clone());
         let seen = vec![0.1; policy.shape.stack * nerd_tasks::named(task)?.observation_dim()];
-        let begun = Instant::now();
-        (0..PACED).for_each(|_| drop(std::hint::black_box(actor.mean(&seen))));
-        let hertz = PACED as f64 / begun.elapsed().as_secs_f64();
+        let begun = on_core()?;
+        (0..1000).for_each(|_| drop(std::hint::black_box(actor.mean(&seen))));
+        let hertz = 1000.0 / (on_core()? - begun);
         let games = play(&policy, &mut truth.episodes(task, self.games, self.seed)?, &mut |_| ())?;
         Ok(Row { planner: "policy".into(), hertz, ..row(task, &folder::load(path)?.0.solver, &games) })
     }
@@ -134,7 +163,7 @@ impl Plans {
 fn row(task: &str, ahead: &str, games: &[Game]) -> Row {
     let success = games.iter().filter(|game| game.stayed).count() as f64 / games.len() as f64;
     let (reward, games) = (Reward::of(games), games.len());
-    Row { task: task.into(), planner: String::new(), ahead: ahead.into(), games, success, reward, hertz: 0.0, samples: 0, steps: 0 }
+    Row { task: task.into(), planner: String::new(), ahead: ahead.into(), games, success, reward, hertz: 0.0, plans: 0, steps: 0 }
 }
 
 impl Experiment for Plans {
@@ -155,23 +184,22 @@ impl Experiment for Plans {
                 inputs.add(Input::policy(&path)?);
             }
         }
-        let effort = (self.games * self.task.len() * self.ahead.len()) as f64;
+        let effort = (self.games * self.task.len() * self.planner.len() * self.ahead.len()) as f64;
         Ok(About { name: "plans".into(), seed: self.seed, effort, inputs })
     }
 
     fn measure(&self) -> Result<Measured> {
-        let core = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
         let mut rows = Vec::new();
         for task in &self.task {
-            for ahead in &self.ahead {
-                rows.push(core.install(|| self.row(task, ahead))?);
+            for (planner, ahead) in self.planner.iter().flat_map(|planner| self.ahead.iter().map(move |ahead| (planner, ahead))) {
+                rows.push(self.row(task, planner, ahead)?);
             }
             if let Some(path) = self.policy(task)? {
-                rows.push(core.install(|| self.policy_row(task, &path))?);
+                rows.push(self.policy_row(task, &path)?);
             }
         }
         let line = |r: &Row| {
-            let size = if r.steps == 0 { "-".into() } else { format!("{} x {}", r.samples, r.steps) };
+            let size = if r.steps == 0 { "-".into() } else { format!("{} x {}", r.plans, r.steps) };
             let cells = [r.task.clone(), r.planner.clone(), r.ahead.clone(), size];
             let reward = format!("{:.1} +- {:.1}", r.reward.mean, r.reward.standard_error);
             cells.into_iter().chain([format!("{:.0}", 100.0 * r.success), reward, format!("{:.0}", r.hertz)]).collect()
@@ -179,7 +207,7 @@ impl Experiment for Plans {
         let header = ["task", "by", "planned or trained in", "plans x steps", "success (%)", "reward", "Hz on one core"];
         let note = "Acted in the truth. Success: the episode goes on to its end, and throughout its last quarter the pole is within 0.2 rad of \
                     upright, the torso within 0.5 m of its point, the hand within 0.05 m of its target; actions beyond a torque's limits are \
-                    clamped. Hz: actions a second for one environment. +-: standard error over games.";
+                    clamped. Hz: actions a second for one environment, by the time that one thread had on a core. +-: standard error over games.";
         let table = Table::new("plans", &header).with(rows.iter().map(line)).noted(note);
         Measured::new(&serde_json::json!({ "rows": rows }), vec![table])
     }

@@ -8,7 +8,7 @@ use nerd_sim::control::Controller;
 use nerd_sim::scene::contacts;
 
 use super::Formulas;
-use super::sight::Recorded;
+use super::sight::{Direct, Recorded};
 use super::sweep::{Ends, sweep};
 use super::tape::{Given, Leaf, Node, Tape, Traced};
 use crate::{Slopes, View, Work};
@@ -99,6 +99,14 @@ impl<F: Formulas> Slopes for F {
             self.observe(sight, &mut out);
             given(&out)
         });
+    }
+
+    fn residuals(&self, view: View, work: &mut Work) -> Vec<f64> {
+        Formulas::residuals(self, &mut Direct::new(view, work))
+    }
+
+    fn residuals_back(&self, view: View, work: &mut Work, by: &[f64], slope: &mut [f64]) {
+        back(view, work, by, (slope, &mut []), |sight| given(&Formulas::residuals(self, sight)));
     }
 
     fn act_back(&self, view: View, action: &[f64], work: &mut Work, by: &[f64], slope: &mut [f64], by_action: &mut [f64]) {

@@ -30,8 +30,8 @@ impl Ahead {
         self.steps * self.episodes.task.action_dim()
     }
 
-    /// Takes environments to plan for: a plan of zeros is begun for every episode that has just begun, and for what was not followed.
-    pub fn begin(&mut self, present: &Episodes) -> Result<(), StepError> {
+    /// Takes environments to plan for: a plan of zeros is begun for every episode that has just begun, and for what was not followed. Those.
+    pub fn begin(&mut self, present: &Episodes) -> Result<Vec<usize>, StepError> {
         let (mine, theirs) = (&self.episodes, present);
         let same = mine.task.name() == theirs.task.name() && mine.task.robot() == theirs.task.robot();
         if !same || mine.len() != self.copies * theirs.len() {
@@ -47,14 +47,16 @@ impl Ahead {
         let size = self.size();
         self.plans.resize(present.len() * size, 0.0);
         self.pasts.resize(present.len(), (0, Vec::new()));
+        let mut begun = Vec::new();
         for (env, (frame, memory)) in self.pasts.iter_mut().enumerate() {
             let now = present.simulation.batch.frames[env];
             if now == 0 || now != *frame {
                 memory.clear();
                 self.plans[env * size..][..size].fill(0.0);
+                begun.push(env);
             }
         }
-        Ok(())
+        Ok(begun)
     }
 
     /// Puts every copy where its environment is, with what would be remembered there.

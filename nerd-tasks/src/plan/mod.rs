@@ -20,8 +20,11 @@
 //! ```
 
 mod ahead;
+mod ilqr;
+mod linear;
 mod mppi;
 
+pub use ilqr::{Ilqr, IlqrConfig};
 pub use mppi::{Mppi, MppiConfig};
 
 use nerd_sim::solver::StepError;
@@ -29,7 +32,7 @@ use nerd_sim::solver::StepError;
 use crate::Episodes;
 
 /// Finds actions by looking ahead.
-pub trait Planner {
+pub trait Planner: Send {
     /// Actions `[env][action]`, each in [-1, 1], for the episodes where they are now. A plan goes on from call to call; that of an episode
     /// which has just begun begins anew.
     ///

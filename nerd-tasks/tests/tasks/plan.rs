@@ -3,8 +3,12 @@
 use std::sync::{Arc, Mutex};
 
 use nerd_sim::prelude::*;
-use nerd_tasks::plan::{Mppi, MppiConfig, Planner};
-use nerd_tasks::{Episodes, named};
+use nerd_sim::solver::{Slopes, commit};
+use nerd_tasks::formula::{Formulas, Number, Sight};
+use nerd_tasks::plan::{Ilqr, IlqrConfig, Mppi, MppiConfig, Planner};
+use nerd_tasks::{About, Episodes, named};
+
+use crate::episodes;
 
 const CONFIG: MppiConfig = MppiConfig { samples: 16, steps: 48, noise: 0.15, hold: 4, temperature: 3.0, rounds: 1, seed: 1 };
 
@@ -88,4 +92,105 @@ fn who_looks_ahead_remembers_what_was_done() {
         before = Some(1500.0 * action[0]);
     }
     assert!(before.is_some_and(|force| force != 0.0), "nothing was done: {before:?}");
+}
+
+/// A cart without friction, of 1 kg, whose pole does not move.
+struct Rail;
+
+/// Time of a frame of Cartpole (s).
+const FRAME: f64 = 1.0 / 60.0;
+
+impl Solver for Rail {
+    fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
+        let mut next = batch.states.clone();
+        next.chunks_exact_mut(4).zip(torques.chunks_exact(2)).for_each(|(state, tau)| state[2] += FRAME * tau[0]);
+        commit(batch, &mut next, &mut Vec::new())
+    }
+
+    fn back(&mut self, _batch: &Batch, _torques: &[f64], _rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
+        let torques = by_next.chunks_exact(4).flat_map(|row| [FRAME * row[2], 0.0]).collect();
+        Ok(Slopes { next: Vec::new(), states: by_next.to_vec(), torques })
+    }
+}
+
+/// Stop the cart, on which a brake of 6 N s/m acts.
+struct Stop;
+
+const BRAKE: f64 = 6.0;
+
+impl Formulas for Stop {
+    fn about(&self) -> About {
+        About { name: "stop", robot: "cartpole", scene: "free", observation: 1, action: 1, steps: 500, frames: 2 }
+    }
+    fn observe<N: Number>(&self, sight: &mut impl Sight<N>, out: &mut [N]) {
+        out[0] = sight.qd(0);
+    }
+    fn act<N: Number>(&self, sight: &mut impl Sight<N>, action: &[N], torques: &mut [N]) {
+        torques.copy_from_slice(&[action[0] - N::from(BRAKE) * sight.qd(0), N::from(0.0)]);
+    }
+    fn reward<N: Number>(&self, sight: &mut impl Sight<N>, _: &[N]) -> N {
+        -sight.qd(0).squared()
+    }
+    fn residuals<N: Number>(&self, sight: &mut impl Sight<N>) -> Vec<N> {
+        vec![sight.qd(0)]
+    }
+}
+
+#[test]
+fn ilqr_of_a_linear_system_is_its_regulator() {
+    let system = System::named("cartpole").expect("built in");
+    let episodes = |n: usize| {
+        let batch = Batch::new(&system, &system.scene("free").expect("known"), n);
+        Episodes::new(Box::new(Stop), Simulation::new(batch, Rail), 5)
+    };
+    let effort = 0.1;
+    let config = IlqrConfig { steps: 300, effort, rounds: [1, 24], search: 3 };
+    let (truth, mut planner) = (episodes(2), Ilqr::new(episodes(6), config).expect("it has residuals"));
+    let found = planner.act(&truth).expect("linear");
+    // v' = a v + b u costs v'^2 + effort u^2: with the square w of what comes, b^2 w^2 + (effort (1 - a^2) - b^2) w - effort = 0.
+    let alpha = 1.0 - FRAME * BRAKE;
+    let (a, b) = (alpha * alpha, (1.0 + alpha) * FRAME);
+    let half = effort * (1.0 - a * a) - b * b;
+    let w = (-half + (half * half + 4.0 * b * b * effort).sqrt()) / (2.0 * b * b);
+    for (env, action) in found.iter().enumerate() {
+        let wanted = -a * b * w / (effort + b * b * w) * truth.view(env).state[2];
+        println!("environment {env}: action {action:.9}, the regulator's {wanted:.9}");
+        assert!(wanted.abs() > 0.01 && wanted.abs() < 1.0 && (action - wanted).abs() < 1e-9, "{action} {wanted}");
+    }
+}
+
+#[test]
+fn ilqr_reaches_by_slopes_through_the_solver() {
+    // Two frames a step under a position law, torques, a pole to swing up, feet on the ground.
+    for (name, method, steps, last) in
+        [("franka-reach", 0, 20, 60), ("franka-reach-torque", 0, 24, 60), ("cartpole-swingup", 0, 60, 160), ("ant-point", 1, 24, 220)]
+    {
+        let system = System::named(named(name).expect("registered").robot()).expect("built in");
+        let episodes = |n: usize, method| {
+            let task = named(name).expect("registered");
+            let batch = Batch::new(&system, &system.scene(task.scene()).expect("known"), n);
+            Episodes::new(task, Simulation::new(batch, Articulated::new(method)), 3)
+        };
+        let rough = if method == 1 {
+            ArticulatedConfig::implicit(1, Friction::Coulomb)
+        } else {
+            ArticulatedConfig { substeps: 1, ..ArticulatedConfig::converged(Friction::Coulomb) }
+        };
+        let config = IlqrConfig { steps, ..IlqrConfig::default() };
+        let mut truth = episodes(1, ArticulatedConfig::accurate(&system));
+        let mut planner = Ilqr::new(episodes(config.search, rough), config).expect("it has residuals");
+        let mut largest = 0.0_f64;
+        for step in 0..last {
+            let result = truth.step(&planner.act(&truth).expect("slopes")).expect("finite");
+            assert!(!result.terminated[0], "{name}: over at step {step}");
+            if step >= last - 20 {
+                largest = largest.max(result.misses[0].expect("it speaks of success"));
+            }
+        }
+        println!("{name}: largest miss of the last 20 of {last} steps {largest:.3}");
+        assert!(largest < 1.0, "{name}: {largest:.3}");
+    }
+    let run = episodes("ant-run", "articulated", 6);
+    let error = Ilqr::new(run, IlqrConfig::default()).err().expect("no residuals").to_string();
+    assert!(error.contains("MPPI"), "{error}");
 }

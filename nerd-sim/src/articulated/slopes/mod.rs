@@ -2,24 +2,23 @@
 //! first (`docs/slopes.md`).
 
 mod explicit;
+mod kept;
 mod law;
-mod numbers;
 mod row;
 mod stage;
 mod weigh;
 
 use nalgebra::Vector3;
 use nerd_core::contact::{ContactPoint, Locus};
-use nerd_core::dynamics::{crba, kinematics, motions, motions_back};
+use nerd_core::dynamics::{crba, kinematics, motions, motions_back, onto};
 use nerd_core::spatial::Wrench;
 
-use numbers::Numbers;
-pub use numbers::numbers;
+pub(super) use kept::Kept;
+use kept::Step;
 use row::Row;
 use stage::{Memory, Place};
 
 use super::config::{ArticulatedConfig, ContactStep, Integrator, Settings};
-use super::kept::{Kept, Step};
 use super::workspace::Workspace;
 use crate::batch::Batch;
 use crate::scene::Scene;
@@ -55,30 +54,28 @@ impl Back for Workspace {
         state: &mut [f64],
         tau: &[f64],
         by_next: &[f64],
-        numbers: bool,
-    ) -> Result<[Vec<f64>; 3], String> {
+    ) -> Result<[Vec<f64>; 2], String> {
         let robot = &system.robot;
         let start = state.to_vec();
         self.kept = Some(Kept::default());
         let stepped = self.step(system, scene, settings, state, tau);
         let kept = self.kept.take().unwrap_or_default();
         stepped?;
-        let place = Place { system, scene, friction: settings.config.friction };
-        let begin = |by_next| Row::begin(robot, state, by_next, self.touches.weights.len(), Numbers::new(robot, scene, numbers));
+        let begin = |by_next| Row::begin(robot, state, by_next, self.touches.weights.len());
         let mut rows: Vec<Row> = by_next.chunks_exact(2 * robot.nv()).map(begin).collect();
+        let place = Place { system, scene, friction: settings.config.friction };
         if kept.states.is_empty() {
             self.back_implicit(place, &kept.steps, &mut rows);
         } else {
             let dt = system.frame_time / kept.states.len() as f64;
             self.back_runge_kutta(place, tau, &kept.states, dt, &mut rows)?;
         }
-        let mut out: [Vec<f64>; 3] = Default::default();
+        let (mut states, mut torques) = (Vec::new(), Vec::new());
         for row in rows {
-            out[0].extend(row.end(robot, &start));
-            out[1].extend(row.torque);
-            out[2].extend(row.numbers.values);
+            states.extend(row.end(robot, &start));
+            torques.extend(row.torque);
         }
-        Ok(out)
+        Ok([states, torques])
     }
 }
 
@@ -95,15 +92,9 @@ impl Workspace {
             kinematics(robot, &step.q, &mut self.data);
             crba(robot, &mut self.data);
             motions(robot, &step.qd, &self.data, &mut memory.starts);
-            let mut after: Vec<Vec<f64>> = Vec::new();
             for row in rows.iter_mut() {
-                if step.lost {
-                    // What went on from where it began is no matter of its own pose.
-                    after.push(std::mem::replace(&mut row.pose, vec![0.0; robot.nv()]));
-                } else {
-                    row.drift(robot, &end, 0.5 * h);
-                    row.rate.iter_mut().zip(&row.speed).for_each(|(a, v)| *a += h * v);
-                }
+                row.drift(robot, &end, 0.5 * h);
+                row.rate.iter_mut().zip(&row.speed).for_each(|(a, v)| *a += h * v);
                 row.loads.fill(Wrench::default());
                 row.starts.fill(Wrench::default());
                 row.way = Vector3::zeros();
@@ -112,15 +103,16 @@ impl Workspace {
                 self.back_stage(place, step, stage, rows, &mut memory);
             }
             self.back_weights(place, step, before, rows, &mut memory);
-            for row in rows.iter_mut().rev() {
+            for row in rows.iter_mut() {
                 motions_back(robot, &self.data, &step.qd, &mut row.starts, &mut row.loads, &mut row.speed);
-                let mut pose = std::mem::take(&mut row.pose);
-                row.unload(robot, &self.data, &mut pose);
-                row.pose = pose;
+                // Of a root's load the moment alone is a slope of what it carries; its way changes gaps.
+                let way = [3, 4, 5].map(|k| row.pose.get(k).copied().unwrap_or_default());
+                onto(robot, &self.data, &mut row.loads, &mut row.pose);
+                if robot.floating() {
+                    (0..3).for_each(|k| row.pose[3 + k] = way[k] + row.way[k]);
+                }
                 row.drift(robot, &step.qd, 0.5 * h);
-                let after = after.pop();
-                row.pose.iter_mut().zip(after.iter().flatten()).for_each(|(p, a)| *p += a);
-                if before.iter().all(|step| step.lost) {
+                if before.is_empty() {
                     // No rate is known before the first.
                     row.rate.fill(0.0);
                 }
