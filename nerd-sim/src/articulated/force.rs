@@ -45,8 +45,9 @@ pub(super) struct Drag {
     pub(super) value: f64,
     pub(super) by_normal: f64,
     pub(super) by_speed: f64,
-    /// By `friction_damping`.
+    /// By `friction_damping` and by `friction`.
     pub(super) by_damping: f64,
+    pub(super) by_friction: f64,
 }
 
 impl Drag {
@@ -60,6 +61,6 @@ impl Drag {
         if normal <= 0.0 {
             return Self { value, ..Self::default() };
         }
-        Self { value, by_normal: material.friction / size, by_speed: -value * slope / size, by_damping: 0.0 }
+        Self { value, by_normal: material.friction / size, by_speed: -value * slope / size, by_friction: normal / size, by_damping: 0.0 }
     }
 }

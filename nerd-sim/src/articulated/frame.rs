@@ -7,7 +7,7 @@ use nerd_core::spatial::Wrench;
 
 use super::config::{ArticulatedConfig, ContactStep, Settings};
 use super::energy::{FINEST, WHIRL_RK4};
-use super::slopes::Kept;
+use super::kept::Kept;
 use super::stiff::Bounds;
 use super::workspace::Workspace;
 use crate::drive::Drive;

@@ -102,14 +102,15 @@ impl Workspace {
         if first {
             self.touches.rate.fill(0.0);
         }
-        if !self.accelerate_ahead(own, qd, first)? && halvings > 0 {
+        let lost = !self.accelerate_ahead(own, qd, first)? && halvings > 0;
+        if let Some(kept) = &mut self.kept {
+            kept.step(h, q, qd, &self.touches, lost);
+        }
+        if lost {
             q.copy_from_slice(&self.touches.before);
             let halved = Substep { h: half, ..*own };
             self.substep(&halved, first, halvings - 1, q, qd)?;
             return self.substep(&halved, false, halvings - 1, q, qd);
-        }
-        if let Some(kept) = &mut self.kept {
-            kept.step(h, q, qd, &self.touches);
         }
         self.touches.drive(robot.root_dofs(), h, qd);
         let rates = qd.iter().zip(&self.touches.rate).skip(robot.root_dofs());
@@ -237,17 +238,19 @@ impl Damped {
         Self { braked, share: exponential(h * braked * w) * h * braked + ahead(z) * h * h * joint.stiffness }
     }
 
-    /// Slopes of both by w.
-    pub(super) fn slopes(joint: &Joint, h: f64, w: f64) -> [f64; 2] {
+    /// Slopes of both by w, and by the joint's damping.
+    pub(super) fn slopes(joint: &Joint, h: f64, w: f64) -> [(f64, f64); 2] {
         let k = h * h * joint.stiffness;
         let braked = Self::of(joint, h, w).braked;
-        let by_braked = if k * w < CALM && braked > joint.damping { k * k / h } else { 0.0 };
+        let own = braked == joint.damping;
+        let by_w = if k * w < CALM && !own { k * k / h } else { 0.0 };
         let z = h * braked * w;
         // Of `exponential`.
         let slope = if z > 1.0 { 1.0 / (z * z) - (-z).exp() / (-z).exp_m1().powi(2) } else { 0.0 };
+        let damper = |braked_by: f64, z_by: f64| slope * z_by * h * braked + exponential(z) * h * braked_by;
         let by_spring = if ahead(k * w) > EVEN { 0.5 / (w * w) } else { 0.0 };
-        let damper = slope * h * (braked + w * by_braked) * h * braked + exponential(z) * h * by_braked;
-        [by_braked, damper + by_spring]
+        let by_own = f64::from(own);
+        [(by_w, damper(by_w, h * (braked + w * by_w)) + by_spring), (by_own, damper(by_own, h * w * by_own))]
     }
 }
 

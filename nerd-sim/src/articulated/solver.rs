@@ -27,6 +27,36 @@ impl Articulated {
         self.settings.settling = (share, solves);
         self
     }
+
+    /// As [`Solver::back`], with gradients by the numbers of each environment's robot and scene, too: `[env][row][number]` in the order of
+    /// [`super::numbers`].
+    ///
+    /// Dry friction that is not there and contact points that move over their link are held.
+    ///
+    /// # Errors
+    /// As [`Solver::back`].
+    pub fn back_by_numbers(
+        &mut self,
+        batch: &Batch,
+        torques: &[f64],
+        rows: usize,
+        by_next: &[f64],
+    ) -> Result<(Slopes, Vec<f64>), StepError> {
+        self.gone_back(batch, torques, rows, by_next, true)
+    }
+
+    fn gone_back(
+        &mut self,
+        batch: &Batch,
+        torques: &[f64],
+        rows: usize,
+        by_next: &[f64],
+        numbers: bool,
+    ) -> Result<(Slopes, Vec<f64>), StepError> {
+        self.settings.config.check().map_err(StepError::Solver)?;
+        covered(&self.settings.config, batch)?;
+        self.parallel.back(&self.settings, batch, torques, rows, by_next, numbers)
+    }
 }
 
 impl Solver for Articulated {
@@ -36,9 +66,7 @@ impl Solver for Articulated {
     }
 
     fn back(&mut self, batch: &Batch, torques: &[f64], rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
-        self.settings.config.check().map_err(StepError::Solver)?;
-        covered(&self.settings.config, batch)?;
-        self.parallel.back(&self.settings, batch, torques, rows, by_next)
+        Ok(self.gone_back(batch, torques, rows, by_next, false)?.0)
     }
 
     fn capabilities(&self) -> Capabilities {

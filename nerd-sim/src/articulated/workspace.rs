@@ -7,8 +7,7 @@ use nerd_core::contact::ContactEvent;
 use nerd_core::dynamics::{Data, Factor, point_position, velocities};
 use nerd_core::robot::Robot;
 
-use super::kick::{PASSES, SETTLED};
-use super::slopes::Kept;
+use super::kept::Kept;
 use super::stiff::{Bounds, Stiff};
 use super::touches::Touches;
 use crate::drive::Drive;
@@ -33,7 +32,7 @@ pub(super) struct Workspace {
     pub(super) rates: [Vec<f64>; 4],
     pub(super) trial: Vec<f64>,
     pub(super) start: Vec<f64>,
-    /// Change of a drag that asks for no other solve, and solves at most: those of the implicit step, unless a test asks for others.
+    /// Change of a drag that asks for no other solve, and solves at most, of this frame.
     pub(super) settling: (f64, usize),
     /// What the frame did, while it is to be gone back.
     pub(super) kept: Option<Kept>,
@@ -55,7 +54,7 @@ impl Workspace {
             touches: Touches::new(system),
             stiff: Stiff::new(robot, bounds),
             drives: Vec::new(),
-            settling: (SETTLED, PASSES),
+            settling: (0.0, 0),
             kept: None,
             forces: vec![Vector3::zeros(); robot.contact_points.len()],
         }

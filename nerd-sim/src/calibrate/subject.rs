@@ -5,7 +5,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::parameter::{CalibrateError, Parameter, What, round};
-use crate::articulated::{Articulated, ArticulatedConfig};
+use crate::articulated::{Articulated, ArticulatedConfig, numbers};
 use crate::rapier::{Rapier, RapierConfig};
 use crate::scene::{PlaneSpec, Scene};
 use crate::solver::Solver;
@@ -102,6 +102,22 @@ impl Subject {
         }
         let system = Arc::new(system);
         Ok(Self { scene: system.scene(&self.scene.name)?, system, engine, lag })
+    }
+
+    /// How the numbers of robot and scene ([`numbers`]) change with each parameter at these values: `[parameter][number]`, with which gradients
+    /// by numbers ([`Articulated::back_by_numbers`]) become gradients by parameters. Central differences of the numbers, which no solver sees.
+    pub fn numbers_by(&self, parameters: &[Parameter], values: &[f64]) -> Result<Vec<Vec<f64>>, CalibrateError> {
+        let by = |k: usize| {
+            let size = 1e-5 * (parameters[k].high - parameters[k].low);
+            let side = |size: f64| {
+                let mut values = values.to_vec();
+                values[k] += size;
+                self.with(parameters, &values).map(|subject| numbers(&subject.system, &subject.scene))
+            };
+            let [up, down] = [side(size)?, side(-size)?];
+            Ok(up.iter().zip(down).map(|(up, down)| (up - down) / (2.0 * size)).collect())
+        };
+        (0..parameters.len()).map(by).collect()
     }
 
     /// The plane of a system's own scene that a parameter moves.

@@ -45,7 +45,8 @@ pub(crate) trait Frame: Send + Sized {
 
 /// A frame that can be gone back.
 pub(crate) trait Back: Frame {
-    /// Steps as [`Frame::step`] does, and takes gradients `[row][2 nv]` by the next state to those by this one and by the torques.
+    /// Steps as [`Frame::step`] does, and takes gradients `[row][2 nv]` by the next state to those by this one, by the torques and, if they are
+    /// asked for, by numbers of robot and scene.
     fn back(
         &mut self,
         system: &System,
@@ -54,7 +55,8 @@ pub(crate) trait Back: Frame {
         state: &mut [f64],
         tau: &[f64],
         by_next: &[f64],
-    ) -> Result<[Vec<f64>; 2], String>;
+        numbers: bool,
+    ) -> Result<[Vec<f64>; 3], String>;
 }
 
 /// Steps the environments of a batch in chunks. Allocates at its first step (or when the batch grows or its robot
@@ -149,7 +151,8 @@ impl<F: Frame> Parallel<F> {
         torques: &[f64],
         rows: usize,
         by_next: &[f64],
-    ) -> Result<Slopes, StepError>
+        numbers: bool,
+    ) -> Result<(Slopes, Vec<f64>), StepError>
     where
         F: Back,
     {
@@ -177,11 +180,13 @@ impl<F: Frame> Parallel<F> {
             }
             let (mut next, tau) = (state.to_vec(), &torques[env * joints..(env + 1) * joints]);
             let by_next = &by_next[env * width..(env + 1) * width];
-            let [states, torques] = frame.back(batch.of(env), &batch.scenes[env], config, &mut next, tau, by_next)?;
+            let [states, torques, numbers] = frame.back(batch.of(env), &batch.scenes[env], config, &mut next, tau, by_next, numbers)?;
             match gone(batch.of(env), &next) {
                 Some(reason) => Err(reason),
-                None if !states.iter().chain(&torques).all(|x| x.is_finite()) => Err("the frame's slopes are not finite".into()),
-                None => Ok((next, states, torques)),
+                None if !states.iter().chain(&torques).chain(&numbers).all(|x| x.is_finite()) => {
+                    Err("the frame's slopes are not finite".into())
+                }
+                None => Ok((next, states, torques, numbers)),
             }
         };
         let chunk = |(chunk, (states, frame)): (usize, (&[f64], &mut F))| {
@@ -193,19 +198,20 @@ impl<F: Frame> Parallel<F> {
             0 => batch.states.par_chunks(F::CHUNK * d).zip(&mut self.frames).enumerate().map(chunk).flatten_iter().collect(),
             _ => Vec::new(),
         };
-        let mut out = Slopes::default();
+        let (mut out, mut by_numbers) = (Slopes::default(), Vec::new());
         for (env, found) in found.into_iter().enumerate() {
             match found {
-                Ok((mut next, states, torques)) => {
+                Ok((mut next, states, torques, numbers)) => {
                     wrap_state(robot, &mut next);
                     out.next.extend(next);
                     out.states.extend(states);
                     out.torques.extend(torques);
+                    by_numbers.extend(numbers);
                 }
                 Err(reason) => faults.push(Fault { env, frame: batch.frames[env], reason: batch.of(env).source.lost(reason) }),
             }
         }
-        if faults.is_empty() { Ok(out) } else { Err(StepError::Environments(faults)) }
+        if faults.is_empty() { Ok((out, by_numbers)) } else { Err(StepError::Environments(faults)) }
     }
 
     /// Looks at the batch's robots as far as they are others than in the last frame.

@@ -1,12 +1,13 @@
 //! Back over Runge-Kutta's substeps, stage by stage.
 
 use nalgebra::{Quaternion, Vector3};
-use nerd_core::dynamics::{bias, crba, kinematics, onto};
+use nerd_core::dynamics::{bias, crba, kinematics};
 use nerd_core::robot::Robot;
 use nerd_core::spatial::Wrench;
 use nerd_core::state::vector;
 
 use super::super::workspace::Workspace;
+use super::numbers::Layout;
 use super::row::{Row, set};
 use super::stage::{Memory, Place};
 
@@ -80,12 +81,15 @@ impl Workspace {
         self.factor.solve(&mut virtuals);
         row.loads.fill(Wrench::default());
         memory.adjoint.begin(robot, &self.data, &virtuals, &qdd, &mut row.loads);
-        memory.adjoint.end(robot, &self.data, (&virtuals, qd, &qdd), &mut row.loads, &mut speed);
-        onto(robot, &self.data, &mut row.loads, &mut pose);
+        row.inertias(robot, &self.data, &memory.adjoint);
+        let by_base = memory.adjoint.end(robot, &self.data, (&virtuals, qd, &qdd), &mut row.loads, &mut speed);
+        row.numbers.add(Layout::gravity, (-by_base).into());
+        row.unload(robot, &self.data, &mut pose);
         for (i, joint) in robot.joints().enumerate() {
             let own = virtuals[dofs + i];
             row.torque[i] += own;
             speed[dofs + i] -= joint.damping * own;
+            row.numbers.add(|at| at.joint(i, 0), [-qd[dofs + i] * own, 0.0, -qdd[dofs + i] * own]);
             if let Some(limit) = joint.limit.filter(|l| l.force(q[coords + i], qd[dofs + i]) != 0.0) {
                 pose[dofs + i] -= limit.stiffness * own;
                 speed[dofs + i] -= limit.damping * own;

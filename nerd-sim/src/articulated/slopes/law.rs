@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::super::config::Friction;
 use super::super::force::Drag;
-use super::super::touch::{Contact, DryFriction, EVEN, Spring};
+use super::super::touch::{CREEP, Contact, DryFriction, EVEN, Spring, inside};
 use crate::scene::Material;
 
 /// What a touch's law is asked at, beside itself.
@@ -31,6 +31,10 @@ pub(super) struct ContactLaw {
     /// By the gap in the middle, and by w.
     pub(super) by_gap: Vector3<f64>,
     pub(super) by_weight: Vector3<f64>,
+    /// By the stiffness, damping, friction damping and friction of the whole material.
+    pub(super) by_material: [Vector3<f64>; 4],
+    /// By a normal that turns.
+    pub(super) by_normal: Matrix3<f64>,
 }
 
 /// Slopes of a share that a stiffness (or damping) x has at a weight w where it is not the least one: by x and by w.
@@ -59,7 +63,8 @@ impl ContactLaw {
 
         // By the normal force, and by the slip; what acts on that lies across the normal.
         let by_normal = n - slip * drag.by_normal;
-        let own = if drag.by_speed == 0.0 { Matrix3::zeros() } else { slip * slip.transpose() * (drag.by_speed / slip.norm()) };
+        let along = if drag.by_speed == 0.0 { 0.0 } else { drag.by_speed / slip.norm() };
+        let own = slip * slip.transpose() * along;
         let by_slip = -(own + (Matrix3::identity() - n * n.transpose()) * drag.value);
         let by_start = by_slip - by_normal * n.transpose() * d;
         let by_change = by_slip * slide - by_normal * n.transpose() * (k * spring * h + d * damper);
@@ -86,19 +91,30 @@ impl ContactLaw {
         by_d -= by_normal_then * vn_then;
         by_drag += by_drag_then * then.by_damping;
         let mut by_vn = by_normal_then * -d;
+        let half = 0.5 * h * vn_then;
         // The part of the substep in which it is inside.
         let damping = if vn_then < 0.0 { material.damping } else { 0.0 };
+        let (part, _) = inside(contact.middle, half).unwrap_or_default();
+        let by_friction = by_drag_then * then.by_friction - slip * drag.by_friction;
+        let by_material = [by_k * part, if vn_then < 0.0 { by_d * part } else { Vector3::zeros() }, by_drag * part, by_friction];
         let by_part = by_k * material.stiffness + by_d * damping + by_drag * material.friction_damping;
-        let half = 0.5 * h * vn_then;
         if let Some(inside) = part_slopes(contact.middle, half) {
             by_vn += (by_gap * inside.gap_by_half + by_part * inside.part_by_half) * (0.5 * h * half.signum());
             by_gap = by_gap * inside.gap_by_middle + by_part * inside.part_by_middle;
         }
         let mut by_velocity = by_start + by_vn * n.transpose();
+        // A normal turns what lies along it and across.
+        let across = n.dot(&seen);
+        let mut by_turned = Matrix3::from_diagonal_element(normal + drag.value * across) + n * seen.transpose() * drag.value + own * across
+            - by_normal * (change * (k * spring * h + d * damper) + contact.start * d).transpose()
+            + by_vn * contact.velocity.transpose();
         if speed_then > 0.0 {
-            by_velocity += by_drag_then * slip_then.transpose() * (then.by_speed / speed_then);
+            let by_slip_then = by_drag_then * slip_then.transpose() * (then.by_speed / speed_then);
+            by_velocity += by_slip_then;
+            by_turned -= by_slip_then * vn_then;
         }
-        Self { force, by_change, by_velocity, by_bend: (by_change - by_start * 0.5) * h, by_gap, by_weight }
+        let by_bend = (by_change - by_start * 0.5) * h;
+        Self { force, by_change, by_velocity, by_bend, by_gap, by_weight, by_material, by_normal: by_turned }
     }
 }
 
@@ -128,6 +144,8 @@ pub(super) struct JointLaw {
     pub(super) by_gap: f64,
     pub(super) by_rate: f64,
     pub(super) by_weight: f64,
+    /// By the largest dry friction.
+    pub(super) by_most: f64,
 }
 
 impl JointLaw {
@@ -154,7 +172,7 @@ impl JointLaw {
             by_rate += (by_gap * inside.gap_by_half + by_part * inside.part_by_half) * 0.5 * h * half.signum();
             by_gap = by_gap * inside.gap_by_middle + by_part * inside.part_by_middle;
         }
-        Self { by_change: -(k * ahead * h + d * damper), by_gap, by_rate, by_weight: spring.side * by_weight }
+        Self { by_change: -(k * ahead * h + d * damper), by_gap, by_rate, by_weight: spring.side * by_weight, by_most: 0.0 }
     }
 
     /// Of dry friction.
@@ -162,12 +180,14 @@ impl JointLaw {
         let seen = dry.rate + change;
         let material = dry.material();
         let drag = |rate: f64| Drag::of(dry.most, rate.abs(), &material, at.friction);
+        let by_most = |drag: &Drag| -seen * (drag.by_normal + drag.by_damping / CREEP);
         if at.first {
             let then = drag(dry.rate);
-            return Self { by_change: -then.value, by_rate: -(then.value + seen * then.by_speed * dry.rate.signum()), ..Self::default() };
+            let by_rate = -(then.value + seen * then.by_speed * dry.rate.signum());
+            return Self { by_change: -then.value, by_rate, by_most: by_most(&then), ..Self::default() };
         }
         let now = drag(seen);
         let slope = -(now.value + seen.abs() * now.by_speed);
-        Self { by_change: slope, by_rate: slope, ..Self::default() }
+        Self { by_change: slope, by_rate: slope, by_most: by_most(&now), ..Self::default() }
     }
 }

@@ -2,23 +2,24 @@
 //! first (`docs/slopes.md`).
 
 mod explicit;
-mod kept;
 mod law;
+mod numbers;
 mod row;
 mod stage;
 mod weigh;
 
 use nalgebra::Vector3;
 use nerd_core::contact::{ContactPoint, Locus};
-use nerd_core::dynamics::{crba, kinematics, motions, motions_back, onto};
+use nerd_core::dynamics::{crba, kinematics, motions, motions_back};
 use nerd_core::spatial::Wrench;
 
-pub(super) use kept::Kept;
-use kept::Step;
+use numbers::Numbers;
+pub use numbers::numbers;
 use row::Row;
 use stage::{Memory, Place};
 
 use super::config::{ArticulatedConfig, ContactStep, Integrator, Settings};
+use super::kept::{Kept, Step};
 use super::workspace::Workspace;
 use crate::batch::Batch;
 use crate::scene::Scene;
@@ -54,28 +55,30 @@ impl Back for Workspace {
         state: &mut [f64],
         tau: &[f64],
         by_next: &[f64],
-    ) -> Result<[Vec<f64>; 2], String> {
+        numbers: bool,
+    ) -> Result<[Vec<f64>; 3], String> {
         let robot = &system.robot;
         let start = state.to_vec();
         self.kept = Some(Kept::default());
         let stepped = self.step(system, scene, settings, state, tau);
         let kept = self.kept.take().unwrap_or_default();
         stepped?;
-        let begin = |by_next| Row::begin(robot, state, by_next, self.touches.weights.len());
-        let mut rows: Vec<Row> = by_next.chunks_exact(2 * robot.nv()).map(begin).collect();
         let place = Place { system, scene, friction: settings.config.friction };
+        let begin = |by_next| Row::begin(robot, state, by_next, self.touches.weights.len(), Numbers::new(robot, scene, numbers));
+        let mut rows: Vec<Row> = by_next.chunks_exact(2 * robot.nv()).map(begin).collect();
         if kept.states.is_empty() {
             self.back_implicit(place, &kept.steps, &mut rows);
         } else {
             let dt = system.frame_time / kept.states.len() as f64;
             self.back_runge_kutta(place, tau, &kept.states, dt, &mut rows)?;
         }
-        let (mut states, mut torques) = (Vec::new(), Vec::new());
+        let mut out: [Vec<f64>; 3] = Default::default();
         for row in rows {
-            states.extend(row.end(robot, &start));
-            torques.extend(row.torque);
+            out[0].extend(row.end(robot, &start));
+            out[1].extend(row.torque);
+            out[2].extend(row.numbers.values);
         }
-        Ok([states, torques])
+        Ok(out)
     }
 }
 
@@ -92,9 +95,15 @@ impl Workspace {
             kinematics(robot, &step.q, &mut self.data);
             crba(robot, &mut self.data);
             motions(robot, &step.qd, &self.data, &mut memory.starts);
+            let mut after: Vec<Vec<f64>> = Vec::new();
             for row in rows.iter_mut() {
-                row.drift(robot, &end, 0.5 * h);
-                row.rate.iter_mut().zip(&row.speed).for_each(|(a, v)| *a += h * v);
+                if step.lost {
+                    // What went on from where it began is no matter of its own pose.
+                    after.push(std::mem::replace(&mut row.pose, vec![0.0; robot.nv()]));
+                } else {
+                    row.drift(robot, &end, 0.5 * h);
+                    row.rate.iter_mut().zip(&row.speed).for_each(|(a, v)| *a += h * v);
+                }
                 row.loads.fill(Wrench::default());
                 row.starts.fill(Wrench::default());
                 row.way = Vector3::zeros();
@@ -103,16 +112,15 @@ impl Workspace {
                 self.back_stage(place, step, stage, rows, &mut memory);
             }
             self.back_weights(place, step, before, rows, &mut memory);
-            for row in rows.iter_mut() {
+            for row in rows.iter_mut().rev() {
                 motions_back(robot, &self.data, &step.qd, &mut row.starts, &mut row.loads, &mut row.speed);
-                // Of a root's load the moment alone is a slope of what it carries; its way changes gaps.
-                let way = [3, 4, 5].map(|k| row.pose.get(k).copied().unwrap_or_default());
-                onto(robot, &self.data, &mut row.loads, &mut row.pose);
-                if robot.floating() {
-                    (0..3).for_each(|k| row.pose[3 + k] = way[k] + row.way[k]);
-                }
+                let mut pose = std::mem::take(&mut row.pose);
+                row.unload(robot, &self.data, &mut pose);
+                row.pose = pose;
                 row.drift(robot, &step.qd, 0.5 * h);
-                if before.is_empty() {
+                let after = after.pop();
+                row.pose.iter_mut().zip(after.iter().flatten()).for_each(|(p, a)| *p += a);
+                if before.iter().all(|step| step.lost) {
                     // No rate is known before the first.
                     row.rate.fill(0.0);
                 }

@@ -1,10 +1,11 @@
 //! One gradient on its way back through a frame.
 
-use nalgebra::{Rotation3, Vector3};
+use nalgebra::Rotation3;
+use nerd_core::dynamics::{Adjoint, onto};
 use nerd_core::frames::own_velocity;
-use nerd_core::robot::Robot;
-use nerd_core::spatial::Wrench;
-use nerd_core::state::{quaternion, vector};
+
+use super::numbers::{Numbers, ORIGIN};
+use crate::prelude::*;
 
 /// Gradients by what a substep begins with. Those by the pose and velocity of a floating root are in world axes: by a turn, by a way of its
 /// origin, by its angular velocity, by that of its origin.
@@ -22,11 +23,13 @@ pub(super) struct Row {
     pub(super) loads: Vec<Wrench>,
     pub(super) starts: Vec<Wrench>,
     pub(super) way: Vector3<f64>,
+    /// By the numbers of robot and scene.
+    pub(super) numbers: Numbers,
 }
 
 impl Row {
     /// From a gradient by the state after the frame, `[2 nv]` in its tangent space; of so many weights.
-    pub(super) fn begin(robot: &Robot, state: &[f64], by_next: &[f64], weights: usize) -> Self {
+    pub(super) fn begin(robot: &Robot, state: &[f64], by_next: &[f64], weights: usize, numbers: Numbers) -> Self {
         let (nv, joints, links) = (robot.nv(), robot.joint_count(), robot.links.len());
         let (mut pose, mut speed) = (by_next[..nv].to_vec(), by_next[nv..].to_vec());
         if robot.floating() {
@@ -47,6 +50,7 @@ impl Row {
             loads: vec![Wrench::default(); links],
             starts: vec![Wrench::default(); links],
             way: Vector3::zeros(),
+            numbers,
         }
     }
 
@@ -60,6 +64,32 @@ impl Row {
             set(&mut out[robot.nv()..], [by_w, by_v]);
         }
         out
+    }
+
+    /// Gradients by the links' inertias of what [`Adjoint::begin`] began with, `Y . I v - L . I a`.
+    pub(super) fn inertias(&mut self, robot: &Robot, data: &Data, adjoint: &Adjoint) {
+        for i in 0..if self.numbers.asked() { robot.links.len() } else { 0 } {
+            let (v, l) = (&data.velocity[i], &adjoint.virtuals[i]);
+            self.numbers.inertia(robot, data, i, 1.0, [&v.cross(l), v]);
+            self.numbers.inertia(robot, data, i, -1.0, [l, &(data.acceleration[i] + adjoint.quickened[i])]);
+        }
+    }
+
+    /// What loads on links do along each DoF of the pose, the way of a root apart, and to where their joints are on the links above.
+    pub(super) fn unload(&mut self, robot: &Robot, data: &Data, pose: &mut [f64]) {
+        let way = [3, 4, 5].map(|k| pose.get(k).copied().unwrap_or_default());
+        onto(robot, data, &mut self.loads, pose);
+        if robot.floating() {
+            (0..3).for_each(|k| pose[3 + k] = way[k] + self.way[k]);
+        }
+        let base = match robot.base {
+            Base::Fixed(pose) => pose.rotation.to_rotation_matrix().into_inner(),
+            Base::Floating => Matrix3::identity(),
+        };
+        for (i, link) in robot.links.iter().enumerate().filter(|(_, link)| link.joint.is_some()) {
+            let above = link.parent.map_or(&base, |p| &data.rotation[p]);
+            self.numbers.add(|at| at.link(i, ORIGIN), above.tr_mul(&self.loads[i].lin).into());
+        }
     }
 
     /// Back over a drift of the pose for a time (s) at local velocities `qd`, in which a root turns by `exp(w t)`.

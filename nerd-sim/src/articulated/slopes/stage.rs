@@ -8,10 +8,11 @@ use nerd_core::state::vector;
 
 use super::super::config::Friction;
 use super::super::find::above;
+use super::super::kept::{Stage, Step};
 use super::super::touch::{Contact, Touch};
 use super::super::workspace::Workspace;
-use super::kept::{Stage, Step};
 use super::law::{At, ContactLaw, JointLaw};
+use super::numbers::{ARMATURE, FRICTION, Layout, NORMAL, OFFSET};
 use super::row::{Row, set};
 use crate::scene::Scene;
 use crate::system::System;
@@ -99,6 +100,7 @@ impl Workspace {
             by_middle.fill(0.0);
             let mut by_turn = if robot.floating() { vector(&row.rate[3..]) } else { Vector3::zeros() };
             adjoint.begin(robot, data, virtuals, &qdd, &mut row.loads);
+            row.inertias(robot, data, adjoint);
             for (i, joint) in robot.joints().enumerate() {
                 let own = virtuals[dofs + i];
                 row.torque[i] += own;
@@ -106,22 +108,24 @@ impl Workspace {
                 row.speed[dofs + i] -= step.braked[i] * own;
                 row.braked[i] -= step.qd[dofs + i] * own;
                 row.shares[i] -= qdd[dofs + i] * own;
+                row.numbers.add(|at| at.joint(i, ARMATURE), [-qdd[dofs + i] * own]);
             }
             for law in &laws {
                 match law {
                     Law::Contact(contact, law) => {
-                        let radius = robot.contact_points[contact.point].radius;
-                        by_turn += press_back(contact, law, (h, radius), data, starts, adjoint, row);
+                        by_turn += press_back(place, contact, law, h, data, starts, adjoint, row);
                     }
                     Law::Joint(joint, weight, law) => {
                         let own = virtuals[dofs + joint];
                         row.pose[dofs + joint] += law.by_gap * own;
                         row.speed[dofs + joint] += law.by_rate * own;
                         weight.iter().for_each(|weight| row.weights[*weight] += law.by_weight * own);
+                        row.numbers.add(|at| at.joint(*joint, FRICTION), [law.by_most * own]);
                     }
                 }
             }
-            adjoint.end(robot, data, (virtuals, &stage.middle, &qdd), &mut row.loads, by_middle);
+            let by_base = adjoint.end(robot, data, (virtuals, &stage.middle, &qdd), &mut row.loads, by_middle);
+            row.numbers.add(Layout::gravity, (-by_base).into());
             if robot.floating() {
                 let [w, v, by_w, by_v] = [&stage.middle, &stage.middle[3..], by_middle, &by_middle[3..]].map(vector);
                 set(by_middle, [by_w + v.cross(&by_turn), by_v + by_turn.cross(&w)]);
@@ -161,27 +165,29 @@ impl Workspace {
     }
 }
 
-/// Back over a contact's force on its link under the virtual motion in `adjoint`, of a point of this radius. Returns the gradient by the root's
-/// `w x v`.
+/// Back over a contact's force on its link under the virtual motion in `adjoint`. Returns the gradient by the root's `w x v`.
+#[allow(clippy::too_many_arguments)]
 fn press_back(
+    place: Place,
     contact: &Contact,
     law: &ContactLaw,
-    (h, radius): (f64, f64),
+    h: f64,
     data: &Data,
     starts: &[Motion],
     adjoint: &mut Adjoint,
     row: &mut Row,
 ) -> Vector3<f64> {
-    let (i, x) = (contact.link, &contact.x);
+    let (i, x, n) = (contact.link, &contact.x, &contact.normal);
+    let radius = place.system.robot.contact_points[contact.point].radius;
     let (twist, bent) = (&data.velocity[i], &data.acceleration[i]);
     let (own, quickened) = (adjoint.virtuals[i], adjoint.quickened[i]);
     let by_force = own.at(x);
     let [by_change, by_velocity, by_bend] = [law.by_change, law.by_velocity, law.by_bend].map(|slope| slope.tr_mul(&by_force));
-    let (by_gap, along) = (contact.normal * law.by_gap.dot(&by_force), by_change * h);
+    let (by_gap, along) = (law.by_gap.dot(&by_force), by_change * h);
     row.weights[contact.index] += law.by_weight.dot(&by_force);
-    row.way += by_gap;
+    row.way += n * by_gap;
     // Its place moves with the middle of its ball, and bends with what that does: w x (velocity of the middle).
-    let middle = x + contact.normal * radius;
+    let middle = x + n * radius;
     let by_moves = by_bend.cross(&twist.ang);
     adjoint.by_virtual[i] += Wrench::force_at(law.force, x);
     adjoint.by_quickened[i] += Wrench::force_at(along, x);
@@ -189,8 +195,18 @@ fn press_back(
     adjoint.by_velocity[i] += Wrench::force_at(by_moves, &middle);
     adjoint.by_velocity[i].ang += twist.at(&middle).cross(&by_bend);
     row.starts[i] += Wrench::force_at(by_velocity, x);
-    let of = [(law.force, &own), (along, &quickened), (by_velocity, &starts[i]), (by_bend, bent), (by_moves, twist)];
-    let by_place = of.iter().fold(by_gap, |sum, (by, motion)| sum + by.cross(&motion.ang));
-    row.loads[i] += Wrench::force_at(by_place, &middle);
+    let of = [(law.force, &own), (along, &quickened), (by_velocity, &starts[i]), (by_bend, bent)];
+    let by_place = of.iter().fold(n * by_gap, |sum, (by, motion)| sum + by.cross(&motion.ang));
+    let by_middle = by_place + by_moves.cross(&twist.ang);
+    row.loads[i] += Wrench::force_at(by_middle, &middle);
+    if row.numbers.asked() {
+        let collider = contact.index % place.scene.colliders.len();
+        row.numbers.add(|at| at.collider(collider, 0), law.by_material.map(|by| by.dot(&by_force)));
+        row.numbers.add(Layout::gravity, by_bend.into());
+        let by_normal = law.by_normal.tr_mul(&by_force) + (middle + data.origin) * by_gap - (by_place - n * by_gap) * radius;
+        row.numbers.add(|at| at.collider(collider, NORMAL), by_normal.into());
+        row.numbers.add(|at| at.collider(collider, OFFSET), [-by_gap]);
+        row.numbers.point(&place.system.robot, contact.point, data.rotation[i].tr_mul(&by_middle), -n.dot(&by_place));
+    }
     along - by_bend
 }

@@ -5,9 +5,10 @@ use nerd_core::robot::Robot;
 use nerd_core::spatial::Wrench;
 
 use super::super::implicit::Damped;
+use super::super::kept::Step;
 use super::super::touch::{Contact, Touch};
 use super::super::workspace::Workspace;
-use super::kept::Step;
+use super::numbers::{ARMATURE, DAMPING, NORMAL};
 use super::row::Row;
 use super::stage::{Memory, Place};
 
@@ -38,22 +39,28 @@ impl Workspace {
             let eased = self.push(robot, &pushed);
             for row in rows.iter_mut() {
                 let by = std::mem::take(&mut row.weights[index]);
-                self.push_back(robot, &pushed, &eased, by, row, memory);
+                self.push_back(place, &pushed, &eased, by, row, memory);
             }
         }
         if before.last().is_some_and(|last| last.h == h) {
             return;
         }
         for (i, joint) in robot.joints().enumerate() {
+            let mut w = 0.0;
             if Damped::weighed(joint, h, self.stiff.bounds.least[i]) && factor(self) {
                 let eased = self.push(robot, &Pushed::Joint(i));
-                let [by_braked, by_share] = Damped::slopes(joint, h, eased[robot.root_dofs() + i]);
+                w = eased[robot.root_dofs() + i];
+                let [(by_braked, by_share), _] = Damped::slopes(joint, h, w);
                 for row in rows.iter_mut() {
                     let by = by_braked * row.braked[i] + by_share * row.shares[i];
-                    self.push_back(robot, &Pushed::Joint(i), &eased, by, row, memory);
+                    self.push_back(place, &Pushed::Joint(i), &eased, by, row, memory);
                 }
             }
-            rows.iter_mut().for_each(|row| (row.braked[i], row.shares[i]) = (0.0, 0.0));
+            let [_, (by_braked, by_share)] = Damped::slopes(joint, h, w);
+            for row in rows.iter_mut() {
+                row.numbers.add(|at| at.joint(i, DAMPING), [by_braked * row.braked[i] + by_share * row.shares[i]]);
+                (row.braked[i], row.shares[i]) = (0.0, 0.0);
+            }
         }
     }
 
@@ -73,14 +80,27 @@ impl Workspace {
     }
 
     /// `dw = 2 z . dy - z . dM z` with `z = M^-1 y`.
-    fn push_back(&self, robot: &Robot, pushed: &Pushed, eased: &[f64], by: f64, row: &mut Row, memory: &mut Memory) {
+    fn push_back(&self, place: Place, pushed: &Pushed, eased: &[f64], by: f64, row: &mut Row, memory: &mut Memory) {
+        let (robot, colliders) = (&place.system.robot, place.scene.colliders.len());
         let adjoint = &mut memory.adjoint;
         adjoint.begin_energy(robot, &self.data, eased, -by, &mut row.loads);
         if let Pushed::Contact(contact) = pushed {
-            let (i, n) = (contact.link, contact.normal * (2.0 * by));
-            let middle = contact.x + contact.normal * robot.contact_points[contact.point].radius;
+            let (i, n, radius) = (contact.link, contact.normal * (2.0 * by), robot.contact_points[contact.point].radius);
+            let by_place = n.cross(&adjoint.virtuals[i].ang);
             adjoint.by_virtual[i] += Wrench::force_at(n, &contact.x);
-            row.loads[i] += Wrench::force_at(n.cross(&adjoint.virtuals[i].ang), &middle);
+            row.loads[i] += Wrench::force_at(by_place, &(contact.x + contact.normal * radius));
+            if row.numbers.asked() {
+                let collider = contact.index % colliders;
+                let by_normal = adjoint.virtuals[i].at(&contact.x) * (2.0 * by) - by_place * radius;
+                row.numbers.add(|at| at.collider(collider, NORMAL), by_normal.into());
+                row.numbers.point(robot, contact.point, self.data.rotation[i].tr_mul(&by_place), -contact.normal.dot(&by_place));
+            }
+        }
+        for i in 0..if row.numbers.asked() { robot.links.len() } else { 0 } {
+            row.numbers.inertia(robot, &self.data, i, -by, [&adjoint.virtuals[i]; 2]);
+        }
+        for (i, z) in eased[robot.root_dofs()..].iter().enumerate() {
+            row.numbers.add(|at| at.joint(i, ARMATURE), [-by * z * z]);
         }
         adjoint.end_energy(robot, &self.data, eased, &mut row.loads);
     }

@@ -12,14 +12,14 @@ use crate::ppo::{Policy, PpoConfig, TRUNCATED};
 /// Rows that one thread takes at a time.
 const ROWS: usize = 64;
 
-/// Gradients through a network, of rows that its policy has normalised: by its parameters, summed in order, and by the rows as they were.
-/// `say` writes the gradient by the outputs of a row beside them.
+/// Gradients through a network of rows as they are seen: by its parameters, and by the rows; and the sum of what `say` says of a row's outputs
+/// when it writes the gradient by them. All are summed in order.
 pub(super) fn through(
     policy: &Policy,
     network: &Loaded,
     rows: &[f64],
-    say: impl Fn(usize, &[f32], &mut [f32]) + Sync,
-) -> (Vec<f32>, Vec<f64>) {
+    say: impl Fn(usize, &[f32], &mut [f32]) -> f64 + Sync,
+) -> (Vec<f32>, Vec<f64>, f64) {
     let (width, outputs) = (policy.shape.inputs(), policy.shape.outputs());
     let part = |(first, rows): (usize, &[f64])| {
         let (mut inputs, mut memory) = (Vec::new(), Memory::default());
@@ -27,15 +27,16 @@ pub(super) fn through(
         let said = network.forward(&inputs, &mut memory, Pass::Kept(1)).clone();
         let mut by = vec![0.0; said.len()];
         let both = said.chunks_exact(outputs).zip(by.chunks_exact_mut(outputs)).enumerate();
-        both.for_each(|(i, (said, by))| say(first * ROWS + i, said, by));
+        let sum: f64 = both.map(|(i, (said, by))| say(first * ROWS + i, said, by)).sum();
         let (flat, by_inputs) = network.backward(1, &by, &mut memory, true);
         let by_row = by_inputs.iter().enumerate().map(|(i, g)| policy.seen.slope(i % width, rows[i]) * f64::from(*g));
-        (flat, by_row.collect::<Vec<_>>())
+        (flat, by_row.collect::<Vec<_>>(), sum)
     };
     let parts: Vec<_> = rows.par_chunks(ROWS * width).enumerate().map(part).collect();
     let mut flat = vec![0.0; policy.flat.len()];
-    parts.iter().for_each(|(part, _)| flat.iter_mut().zip(part).for_each(|(sum, g)| *sum += g));
-    (flat, parts.into_iter().flat_map(|(_, rows)| rows).collect())
+    parts.iter().for_each(|(part, ..)| flat.iter_mut().zip(part).for_each(|(sum, g)| *sum += g));
+    let sum = parts.iter().map(|part| part.2).sum();
+    (flat, parts.into_iter().flat_map(|part| part.1).collect(), sum)
 }
 
 /// What one environment's thread works on: gradients by its state, by its torques and by its action.
@@ -95,9 +96,11 @@ pub(super) fn gradient(
         }
         let later = |i: usize| config.gamma * shares[t * n + asked[i]] * scale;
         let unit = value.returns.scale(0);
-        let (_, by_rows) = through(value, &critic, &rows, |i, _, by| by[a] = (-later(i) * unit) as f32);
-        let worth = value.values(&value.answer(&rows));
-        earned += worth.iter().enumerate().map(|(i, v)| later(i) * v).sum::<f64>();
+        let (_, by_rows, worth) = through(value, &critic, &rows, |i, said, by| {
+            by[a] = (-later(i) * unit) as f32;
+            later(i) * value.returns.restore(0, f64::from(said[a]))
+        });
+        earned += worth;
         earned += (0..n).map(|env| scale * shares[t * n + env] * steps.rewards[t * n + env]).sum::<f64>();
         each((&mut behind, &mut by_torques, &mut by_action), &|env, Env { slope, by_torques, by_action }, work| {
             by_torques.fill(0.0);
@@ -131,8 +134,11 @@ pub(super) fn gradient(
         // At a bound what leads outside ends.
         by_action.iter_mut().zip(drawn).filter(|(g, a)| a.abs() > 1.0 && **g * f64::from(**a) < 0.0).for_each(|(g, _)| *g = 0.0);
         let rows = &steps.rows[t * n * width..][..n * width];
-        let say = |i: usize, _: &[f32], by: &mut [f32]| by[..a].iter_mut().zip(&by_action[i * a..]).for_each(|(by, g)| *by = *g as f32);
-        let (own, by_rows) = through(policy, &actor, rows, say);
+        let say = |i: usize, _: &[f32], by: &mut [f32]| {
+            by[..a].iter_mut().zip(&by_action[i * a..]).for_each(|(by, g)| *by = *g as f32);
+            0.0
+        };
+        let (own, by_rows, _) = through(policy, &actor, rows, say);
         flat.iter_mut().zip(own).for_each(|(sum, g)| *sum += g);
         let spread = flat.len() - a;
         for ((i, g), (drawn, mean)) in by_action.iter().enumerate().zip(drawn.iter().zip(&steps.mean[t * n * a..])) {

@@ -18,9 +18,12 @@ impl Shac {
                 let own: Vec<usize> = self.team.own(batch).map(|i| i as usize).collect();
                 let rows: Vec<f64> = own.iter().flat_map(|i| self.rows[i * width..][..width].iter().copied()).collect();
                 let scale = 1.0 / batch.len() as f32;
-                let (mut gradient, _) = through(&self.critic, &network, &rows, |i, said, by| by[a] = scale * (said[a] - goals[own[i]]));
-                let answer = self.critic.answer(&rows);
-                gradient.push(answer.value.iter().zip(&own).map(|(v, i)| scale * (v - goals[*i]).powi(2)).sum());
+                let (mut gradient, _, sum) = through(&self.critic, &network, &rows, |i, said, by| {
+                    let off = said[a] - goals[own[i]];
+                    by[a] = scale * off;
+                    f64::from(off * off)
+                });
+                gradient.push(scale * sum as f32);
                 self.team.ranks.sum(&mut gradient)?;
                 lost += f64::from(gradient.pop().unwrap_or_default());
                 batches += 1.0;

@@ -1,17 +1,17 @@
 //! What a frame keeps of its substeps for the way back.
 
-use super::super::touch::Touch;
-use super::super::touches::Touches;
+use super::touch::Touch;
+use super::touches::Touches;
 
 /// Of a frame.
 #[derive(Default)]
-pub(in super::super) struct Kept {
+pub(super) struct Kept {
     /// Implicit substeps.
     pub(super) steps: Vec<Step>,
     /// Those of the substep that is solved now.
-    pub(in super::super) stages: Vec<Stage>,
+    pub(super) stages: Vec<Stage>,
     /// States before explicit substeps, each `[q, qd]` in local velocities.
-    pub(in super::super) states: Vec<Vec<f64>>,
+    pub(super) states: Vec<Vec<f64>>,
 }
 
 /// An implicit substep.
@@ -26,10 +26,12 @@ pub(super) struct Step {
     pub(super) shares: Vec<f64>,
     /// Each with the rate of the one before for its middle.
     pub(super) stages: Vec<Stage>,
+    /// Whether it was too long, and two halves of it went on from where it began, with its rate for the first one's middle.
+    pub(super) lost: bool,
 }
 
 /// Solves of a substep with one velocity in its middle.
-pub(in super::super) struct Stage {
+pub(super) struct Stage {
     pub(super) middle: Vec<f64>,
     /// Change of local velocities over time.
     pub(super) rate: Vec<f64>,
@@ -41,13 +43,13 @@ pub(in super::super) struct Stage {
 
 impl Kept {
     /// A frame begins, or begins again.
-    pub(in super::super) fn begin(&mut self) {
+    pub(super) fn begin(&mut self) {
         self.steps.clear();
         self.stages.clear();
         self.states.clear();
     }
 
-    pub(in super::super) fn stage(&mut self, now: &Touches, one_solve: bool) {
+    pub(super) fn stage(&mut self, now: &Touches, one_solve: bool) {
         let first = one_solve && self.stages.is_empty();
         let idle = |touch: &Touch| match touch {
             Touch::Contact(contact) => contact.parted,
@@ -58,7 +60,7 @@ impl Kept {
         self.stages.push(Stage { middle: now.middle.clone(), rate: now.rate.clone(), idle, first });
     }
 
-    pub(in super::super) fn step(&mut self, h: f64, q: &[f64], qd: &[f64], now: &Touches) {
+    pub(super) fn step(&mut self, h: f64, q: &[f64], qd: &[f64], now: &Touches, lost: bool) {
         self.steps.push(Step {
             h,
             q: q.to_vec(),
@@ -67,6 +69,7 @@ impl Kept {
             braked: now.braked.clone(),
             shares: now.shares.clone(),
             stages: std::mem::take(&mut self.stages),
+            lost,
         });
     }
 }
