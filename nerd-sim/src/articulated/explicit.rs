@@ -35,10 +35,13 @@ impl Workspace {
             to_local(robot, q, qd);
             for _ in 0..substeps {
                 if let Some(kept) = &mut self.kept {
-                    kept.states.push(state.to_vec());
+                    kept.states.extend_from_slice(state);
                 }
                 if !self.runge_kutta(robot, scene, state, tau, dt)? {
                     return Ok(false);
+                }
+                if let Some(kept) = &mut self.kept {
+                    self.rates.iter().for_each(|rate| kept.states.extend_from_slice(rate));
                 }
             }
             let (q, qd) = state.split_at_mut(robot.nq());
@@ -150,7 +153,7 @@ impl Workspace {
 
     /// Classical Runge-Kutta over (q, qd) with the pose's rate from the velocity; the quaternion is normalised after. Whether
     /// no joint was too stiff.
-    pub(super) fn runge_kutta(&mut self, robot: &Robot, scene: &Scene, state: &mut [f64], tau: &[f64], dt: f64) -> Result<bool, String> {
+    fn runge_kutta(&mut self, robot: &Robot, scene: &Scene, state: &mut [f64], tau: &[f64], dt: f64) -> Result<bool, String> {
         for (k, at) in [0.0, 0.5, 0.5, 1.0].into_iter().enumerate() {
             self.trial.copy_from_slice(state);
             if k > 0 {

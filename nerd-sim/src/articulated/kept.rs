@@ -10,8 +10,8 @@ pub(super) struct Kept {
     pub(super) steps: Vec<Step>,
     /// Those of the substep that is solved now.
     pub(super) stages: Vec<Stage>,
-    /// States before explicit substeps, each `[q, qd]` in local velocities.
-    pub(super) states: Vec<Vec<f64>>,
+    /// Of Runge-Kutta's substeps, each the state `[q, qd]` before it, in local velocities, and the four rates.
+    pub(super) states: Vec<f64>,
 }
 
 /// An implicit substep.

@@ -12,35 +12,35 @@ use super::row::{Row, set};
 use super::stage::{Memory, Place};
 
 impl Workspace {
-    /// Back over substeps of `dt` that began at these states, in local velocities.
-    pub(super) fn back_runge_kutta(
-        &mut self,
-        place: Place,
-        tau: &[f64],
-        states: &[Vec<f64>],
-        dt: f64,
-        rows: &mut [Row],
-    ) -> Result<(), String> {
+    /// Back over the frame's substeps, of each of which the state before it and the four rates were kept.
+    pub(super) fn back_runge_kutta(&mut self, place: Place, kept: &[f64], rows: &mut [Row]) -> Result<(), String> {
         let robot = &place.system.robot;
-        let (nq, nv) = (robot.nq(), robot.nv());
+        let (nq, d) = (robot.nq(), robot.state_dim());
+        let dt = place.system.frame_time * (5 * d) as f64 / kept.len() as f64;
         let mut memory = Memory::new(robot);
-        for state in states.iter().rev() {
-            self.runge_kutta(robot, place.scene, &mut state.clone(), tau, dt)?;
-            let rates = self.rates.clone();
-            let mut end = state.clone();
+        let mut trial = vec![0.0; d];
+        // By the numbers of the state before a substep and after it, a quaternion's four among them, and by those of a stage's trial.
+        let mut by: Vec<[Vec<f64>; 3]> = vec![[0; 3].map(|_| vec![0.0; d]); rows.len()];
+        let mut by_rate = vec![0.0; d];
+        for substep in kept.chunks_exact(5 * d).rev() {
+            let (state, rates) = substep.split_at(d);
+            let rates: Vec<&[f64]> = rates.chunks_exact(d).collect();
+            trial.copy_from_slice(state);
             for (weight, rates) in [1.0, 2.0, 2.0, 1.0].into_iter().zip(&rates) {
-                end.iter_mut().zip(rates).for_each(|(x, r)| *x += weight / 6.0 * dt * r);
+                trial.iter_mut().zip(*rates).for_each(|(x, r)| *x += weight / 6.0 * dt * r);
             }
-            // By the numbers of the state, a quaternion's four among them.
-            let mut by_state: Vec<Vec<f64>> = rows.iter().map(|row| row.numbers(robot, &end)).collect();
-            let by_end = by_state.clone();
-            let mut by_trial = vec![vec![0.0; nq + nv]; rows.len()];
-            for (k, (at, weight)) in [(0.0, 1.0), (0.5, 2.0), (0.5, 2.0), (1.0, 1.0)].into_iter().enumerate().rev() {
-                // How much of this stage's rate is in the trial of the next.
-                let next = [0.5, 0.5, 1.0, 0.0][k];
-                let mut trial = state.clone();
+            for (row, [by_state, by_end, by_trial]) in rows.iter().zip(&mut by) {
+                row.numbers(robot, &trial, by_end);
+                by_state.copy_from_slice(by_end);
+                by_trial.fill(0.0);
+            }
+            // Shares of a stage's rate in its own trial's successor, and in the end.
+            for (k, (at, next, weight)) in
+                [(0.0, 0.5, 1.0), (0.5, 0.5, 2.0), (0.5, 1.0, 2.0), (1.0, 0.0, 1.0)].into_iter().enumerate().rev()
+            {
+                trial.copy_from_slice(state);
                 if k > 0 {
-                    trial.iter_mut().zip(&rates[k - 1]).for_each(|(x, r)| *x += at * dt * r);
+                    trial.iter_mut().zip(rates[k - 1]).for_each(|(x, r)| *x += at * dt * r);
                 }
                 kinematics(robot, &trial, &mut self.data);
                 crba(robot, &mut self.data);
@@ -48,26 +48,34 @@ impl Workspace {
                 if !self.factor.refill(&self.data.mass) {
                     return Err(self.factor.fault(robot));
                 }
-                for (row, ((by_state, by_end), by_trial)) in rows.iter_mut().zip(by_state.iter_mut().zip(&by_end).zip(&mut by_trial)) {
-                    let by_rate: Vec<f64> =
-                        by_end.iter().zip(&*by_trial).map(|(end, trial)| dt * (weight / 6.0 * end + next * trial)).collect();
-                    *by_trial = self.back_rate(robot, &trial, &rates[k], &by_rate, row, &mut memory);
+                for (row, [by_state, by_end, by_trial]) in rows.iter_mut().zip(&mut by) {
+                    let sums = by_end.iter().zip(&*by_trial).map(|(end, trial)| dt * (weight / 6.0 * end + next * trial));
+                    by_rate.iter_mut().zip(sums).for_each(|(b, sum)| *b = sum);
+                    self.back_rate(robot, (&trial, rates[k]), &by_rate, row, &mut memory, by_trial);
                     by_state.iter_mut().zip(&*by_trial).for_each(|(s, t)| *s += t);
                 }
             }
-            rows.iter_mut().zip(&by_state).for_each(|(row, by)| row.take_numbers(robot, state, by));
+            rows.iter_mut().zip(&by).for_each(|(row, [by_state, ..])| row.take_numbers(robot, state, by_state));
         }
         Ok(())
     }
 
-    /// Back over the rate of a state `[q, qd]` in local velocities, `explicit::rate` at this acceleration: the gradient by the state's numbers.
-    fn back_rate(&mut self, robot: &Robot, state: &[f64], rate: &[f64], by_rate: &[f64], row: &mut Row, memory: &mut Memory) -> Vec<f64> {
+    /// Back over the rate of a state `[q, qd]` in local velocities, `explicit::rate`: writes the gradient by the state's numbers.
+    fn back_rate(
+        &self,
+        robot: &Robot,
+        (state, rate): (&[f64], &[f64]),
+        by_rate: &[f64],
+        row: &mut Row,
+        memory: &mut Memory,
+        out: &mut [f64],
+    ) {
         let (nq, dofs, coords) = (robot.nq(), robot.root_dofs(), robot.root_coords());
         let (q, qd) = state.split_at(nq);
         let mut virtuals = by_rate[nq..].to_vec();
         let mut qdd = rate[nq..].to_vec();
         let (mut pose, mut speed) = (vec![0.0; robot.nv()], vec![0.0; robot.nv()]);
-        let mut out = vec![0.0; state.len()];
+        out.fill(0.0);
         speed[dofs..].copy_from_slice(&by_rate[coords..nq]);
         if robot.floating() {
             let [w, v, by] = [qd, &qd[3..], &by_rate[nq + 3..]].map(vector);
@@ -101,7 +109,6 @@ impl Workspace {
             let by = turned_back(&q[3..], &vector(&pose));
             (0..4).for_each(|k| out[3 + k] += by.coords[k]);
         }
-        out
     }
 }
 
@@ -117,14 +124,15 @@ fn turned_back(q: &[f64], by_turn: &Vector3<f64>) -> Quaternion<f64> {
 }
 
 impl Row {
-    /// Its gradients by the numbers of a state `[q, qd]`, whose quaternion may be of any size.
-    fn numbers(&self, robot: &Robot, state: &[f64]) -> Vec<f64> {
-        let mut out = [&self.pose[robot.root_dofs()..], &self.speed].concat();
+    /// Writes its gradients by the numbers of a state `[q, qd]`, whose quaternion may be of any size.
+    fn numbers(&self, robot: &Robot, state: &[f64], out: &mut [f64]) {
+        let (dofs, coords, nq) = (robot.root_dofs(), robot.root_coords(), robot.nq());
+        out[coords..nq].copy_from_slice(&self.pose[dofs..]);
+        out[nq..].copy_from_slice(&self.speed);
         if robot.floating() {
-            let turn = turned_back(&state[3..], &vector(&self.pose));
-            out = [&self.pose[3..6], turn.coords.as_slice(), &out].concat();
+            out[..3].copy_from_slice(&self.pose[3..6]);
+            out[3..7].copy_from_slice(turned_back(&state[3..], &vector(&self.pose)).coords.as_slice());
         }
-        out
     }
 
     /// Takes over gradients by the numbers of a state.

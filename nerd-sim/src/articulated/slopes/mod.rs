@@ -69,8 +69,7 @@ impl Back for Workspace {
         if kept.states.is_empty() {
             self.back_implicit(place, &kept.steps, &mut rows);
         } else {
-            let dt = system.frame_time / kept.states.len() as f64;
-            self.back_runge_kutta(place, tau, &kept.states, dt, &mut rows)?;
+            self.back_runge_kutta(place, &kept.states, &mut rows)?;
         }
         let mut out: [Vec<f64>; 3] = Default::default();
         for row in rows {
