@@ -12,7 +12,7 @@ use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
 use nerd_tasks::{Episodes, Task, named};
 
-use super::{Algorithm, PpoConfig, Shac, Trainer};
+use super::{PpoConfig, Trainer};
 use crate::device::Device;
 use crate::error::{Error, Result, refuse};
 #[cfg(feature = "cuda")]
@@ -120,13 +120,8 @@ impl Arena {
         let episodes = self.part(task, ranks.part(config.environments), seed)?;
         #[allow(unused_mut)]
         let mut trainer = Trainer::among(ranks, episodes, config, seed)?;
-        if trainer.config.algorithm == Algorithm::Shac {
-            let Trainer { episodes, config, state, .. } = &mut trainer;
-            trainer.engine = Box::new(Shac::new(episodes, &mut state.policy, config, seed, ranks)?);
-            return Ok(trainer);
-        }
         #[cfg(feature = "cuda")]
-        if self.on_gpu() {
+        if self.on_gpu() && trainer.config.algorithm == super::Algorithm::Ppo {
             let engine = super::CudaEngine::new(&trainer.state.policy.shape, &trainer.config, ranks);
             trainer.engine = Box::new(engine.map_err(|e| Error::Refused(format!("--device cuda: {e}")))?);
         }

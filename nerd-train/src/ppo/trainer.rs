@@ -8,7 +8,7 @@ use nerd_tasks::Episodes;
 use serde::{Deserialize, Serialize};
 
 use super::team::Team;
-use super::{Adam, Engine, OnCpu, Policy, PpoConfig, Running, Shape, StreamKey, Updated};
+use super::{Adam, Algorithm, Engine, OnCpu, Policy, PpoConfig, Running, Shac, Shape, StreamKey, Updated};
 use crate::error::{Error, Result, refuse};
 use crate::ranks::Ranks;
 
@@ -77,8 +77,8 @@ impl Trainer {
         Self::among(&Arc::default(), episodes, config, seed)
     }
 
-    /// The same as one of several ranks, from this rank's share of the environments. Another engine than [`OnCpu`] has to be one of theirs,
-    /// too.
+    /// The same as one of several ranks, from this rank's share of the environments. Another engine than [`OnCpu`] or [`Shac`] has to be one
+    /// of theirs, too.
     pub fn among(ranks: &Arc<Ranks>, episodes: Episodes, config: PpoConfig, seed: u64) -> Result<Self> {
         config.check().and_then(|()| episodes.task.about().check()).map_err(Error::Refused)?;
         let (found, wanted) = (episodes.len(), ranks.part(config.environments).len());
@@ -86,11 +86,14 @@ impl Trainer {
             refuse!("{found} environments, the settings ask for {wanted}");
         }
         let shape = Shape::of(&*episodes.task, &config);
-        let policy = Policy::new(shape, &mut StreamKey { seed, number: 0 }.rng());
+        let mut policy = Policy::new(shape, &mut StreamKey { seed, number: 0 }.rng());
+        let engine: Box<dyn Engine> = match config.algorithm {
+            Algorithm::Ppo => Box::new(OnCpu::among(ranks, config.environments)),
+            Algorithm::Shac => Box::new(Shac::new(&episodes, &mut policy, &config, seed, ranks)?),
+        };
         let adam = Adam::new(policy.flat.len(), config.rate);
         let running = Running::new(&episodes, config.stack);
         let state = State { iteration: 0, policy, adam, running, recent: VecDeque::new(), best: None };
-        let engine = Box::new(OnCpu::among(ranks, config.environments));
         Ok(Self { episodes, config, seed, state, engine, ranks: ranks.clone() })
     }
 
