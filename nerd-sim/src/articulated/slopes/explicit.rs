@@ -1,15 +1,13 @@
 //! Back over Runge-Kutta's substeps, stage by stage.
 
-use nalgebra::{Quaternion, Vector3};
-use nerd_core::dynamics::{bias, crba, kinematics};
-use nerd_core::robot::Robot;
-use nerd_core::spatial::Wrench;
-use nerd_core::state::vector;
+use nalgebra::Quaternion;
+use nerd_core::dynamics::{bias, crba};
 
 use super::super::workspace::Workspace;
 use super::numbers::Layout;
 use super::row::{Row, set};
 use super::stage::{Memory, Place};
+use crate::prelude::*;
 
 impl Workspace {
     /// Back over the frame's substeps, of each of which the state before it and the four rates were kept.

@@ -8,24 +8,18 @@ mod row;
 mod stage;
 mod weigh;
 
-use nalgebra::Vector3;
-use nerd_core::contact::{ContactPoint, Locus};
-use nerd_core::dynamics::{crba, kinematics, motions, motions_back};
-use nerd_core::spatial::Wrench;
+use nerd_core::dynamics::{crba, motions, motions_back};
 
 use numbers::Numbers;
 pub use numbers::numbers;
 use row::Row;
 use stage::{Memory, Place};
 
-use super::config::{ArticulatedConfig, ContactStep, Integrator, Settings};
+use super::config::Settings;
 use super::kept::{Kept, Step};
 use super::workspace::Workspace;
-use crate::batch::Batch;
-use crate::scene::Scene;
-use crate::solver::StepError;
+use crate::prelude::*;
 use crate::solver::parallel::{Back, Frame};
-use crate::system::System;
 
 /// Refuses what has no slopes.
 pub(super) fn covered(config: &ArticulatedConfig, batch: &Batch) -> Result<(), StepError> {

@@ -1,12 +1,8 @@
 //! Back over the solves of an implicit substep with one velocity in its middle, by the implicit function theorem.
 
-use nalgebra::{DMatrix, DVector, Vector3};
-use nerd_core::dynamics::{Adjoint, Data, bias, motions};
-use nerd_core::robot::Robot;
-use nerd_core::spatial::{Motion, Wrench};
-use nerd_core::state::vector;
+use nalgebra::{DMatrix, DVector};
+use nerd_core::dynamics::{Adjoint, bias, motions};
 
-use super::super::config::Friction;
 use super::super::find::above;
 use super::super::kept::{Stage, Step};
 use super::super::touch::{Contact, Touch};
@@ -14,8 +10,7 @@ use super::super::workspace::Workspace;
 use super::law::{At, ContactLaw, JointLaw};
 use super::numbers::{ARMATURE, FRICTION, Layout, NORMAL, OFFSET};
 use super::row::{Row, set};
-use crate::scene::Scene;
-use crate::system::System;
+use crate::prelude::*;
 
 /// Working memory of the way back.
 pub(super) struct Memory {

@@ -1,8 +1,6 @@
 //! Back over the weights `w = y^T M^-1 y` of touches and joints, by which is chosen how far ahead each force looks.
 
 use nerd_core::dynamics::onto;
-use nerd_core::robot::Robot;
-use nerd_core::spatial::Wrench;
 
 use super::super::implicit::Damped;
 use super::super::kept::Step;
@@ -11,6 +9,7 @@ use super::super::workspace::Workspace;
 use super::numbers::{ARMATURE, DAMPING, NORMAL};
 use super::row::Row;
 use super::stage::{Memory, Place};
+use crate::prelude::*;
 
 /// What is pushed to find a weight.
 enum Pushed<'a> {
