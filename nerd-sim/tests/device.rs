@@ -5,7 +5,7 @@ mod cpp;
 
 use common::*;
 use cpp::Compiler;
-use nerd_sim::articulated::device::{Reach, Real, packed, program, record};
+use nerd_sim::articulated::device::{Reach, Real, back_program, goes_back, packed, program, record};
 use nerd_sim::dataset::begin;
 use nerd_sim::drive::holding;
 
@@ -38,25 +38,30 @@ impl Case {
         program(&self.batch.system, &self.config, real, Reach::of(&self.batch))
     }
 
+    /// What a program reads: with so many frames or rows, and numbers at its end.
+    fn input(&self, count: usize, last: &[f64]) -> Vec<u8> {
+        let (batch, n) = (&self.batch, self.batch.len());
+        let mut input: Vec<u8> = [n, count, n].iter().flat_map(|x| (*x as i32).to_le_bytes()).collect();
+        let mut numbers = |values: &[f64]| input.extend(values.iter().flat_map(|x| x.to_le_bytes()));
+        numbers(&batch.states);
+        numbers(&self.torques);
+        for scene in &batch.scenes {
+            numbers(&record(scene, &batch.system, &self.config, Reach::of(batch)).expect("a scene with kernels"));
+        }
+        input.extend((0..n as i32).flat_map(i32::to_le_bytes));
+        input.extend(last.iter().flat_map(|x| x.to_le_bytes()));
+        input
+    }
+
     fn apart(&self, compiler: &Compiler, real: Real, frames: usize) -> Apart {
         self.apart_by(compiler, &self.text(real), frames)
     }
 
     fn apart_by(&self, compiler: &Compiler, text: &str, frames: usize) -> Apart {
         let (mut batch, system, n) = (self.batch.clone(), &self.batch.system, self.batch.len());
-        let mut input: Vec<u8> = [n, frames, n].iter().flat_map(|x| (*x as i32).to_le_bytes()).collect();
-        let mut numbers = |values: &[f64]| input.extend(values.iter().flat_map(|x| x.to_le_bytes()));
-        numbers(&batch.states);
-        numbers(&self.torques);
-        for scene in &batch.scenes {
-            numbers(&record(scene, system, &self.config, Reach::of(&batch)).expect("a scene with kernels"));
-        }
-        input.extend((0..n as i32).flat_map(i32::to_le_bytes));
-        input.extend(packed(&batch.drives).iter().flat_map(|x| x.to_le_bytes()));
-        let output = compiler.run(text, input);
+        let output = compiler.run(text, self.input(frames, &packed(&batch.drives)));
         let (d, points) = (system.robot.state_dim(), system.robot.contact_points.len());
         assert_eq!(output.len(), 8 * n * d + 4 * n + 24 * n * points);
-        let doubles = |bytes: &[u8]| bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect::<Vec<_>>();
         let (states, rest) = output.split_at(8 * n * d);
         let (faults, forces) = rest.split_at(4 * n);
         assert!(faults.iter().all(|byte| *byte == 0), "faults {faults:?}");
@@ -73,6 +78,10 @@ impl Case {
             forces: forces.iter().zip(told).map(|(a, b)| (a - b).abs() / (weight + b.abs())).fold(0.0, f64::max),
         }
     }
+}
+
+fn doubles(bytes: &[u8]) -> Vec<f64> {
+    bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect()
 }
 
 /// Random starts of a built-in robot a while later, until most of them touch something; torques of an eighth of the gain.
@@ -297,5 +306,58 @@ fn kernels_move_as_the_solver_does() {
             let looped = case.apart_by(&compiler, &loops, 3).states(0);
             assert!(looped < 1e-9, "{name} on {scene} in loops: {looped:e}");
         }
+    }
+}
+
+/// How far gradients are from the solver's, by environment in order: next states, and gradients by states and torques, against the size of their
+/// row.
+fn back_apart(case: &Case, compiler: &Compiler, real: Real) -> Vec<f64> {
+    const ROWS: usize = 2;
+    let (batch, robot) = (&case.batch, &case.batch.system.robot);
+    let (n, d, wide, joints) = (batch.len(), robot.state_dim(), 2 * robot.nv(), robot.joint_count());
+    let by: Vec<f64> = (0..n * ROWS * wide).map(|k| (1.0 + k as f64 * 1.7).sin()).collect();
+    goes_back(&case.config, batch).expect("it has slopes on a card");
+    let output = compiler.run(&back_program(&batch.system, &case.config, real, Reach::of(batch)), case.input(ROWS, &by));
+    let (found, faults) = output.split_at(8 * (n * d + n * ROWS * (wide + joints)));
+    assert!(faults.len() == 4 * n && faults.iter().all(|byte| *byte == 0), "faults {faults:?}");
+    let (next, rest) = found.split_at(8 * n * d);
+    let (states, torques) = rest.split_at(8 * n * ROWS * wide);
+    let slopes = Articulated::new(case.config).back(batch, &case.torques, ROWS, &by).expect("slopes");
+    let mut worst = vec![0.0f64; n];
+    for (found, own, wide) in
+        [(doubles(next), &slopes.next, d), (doubles(states), &slopes.states, wide), (doubles(torques), &slopes.torques, joints)]
+    {
+        let rows = found.len() / n / wide.max(1);
+        for (k, (a, b)) in found.chunks(wide.max(1)).zip(own.chunks(wide.max(1))).enumerate() {
+            let size = b.iter().fold(1e-6f64, |most, x| most.max(x.abs()));
+            assert!(a.iter().all(|x| x.is_finite()), "{a:?}");
+            let off = a.iter().zip(b).fold(0.0f64, |most, (a, b)| most.max((a - b).abs()));
+            worst[k / rows] = worst[k / rows].max(off / size);
+        }
+    }
+    worst.sort_by(f64::total_cmp);
+    worst
+}
+
+#[test]
+fn kernels_go_back_as_the_solver_does() {
+    let Some(compiler) = Compiler::find() else { return };
+    let known = [("pendulum", "ground1"), ("cube", "ground"), ("cube", "box"), ("ant", "ground"), ("anymal", "ground")];
+    let mut cases: Vec<Case> =
+        known.into_iter().map(|(name, scene)| sampled(name, scene, ArticulatedConfig::accurate(&built_in(name)))).collect();
+    // Joints that rub and spring, one of them too stiff for its substep, without anything to touch.
+    let mut system = chain(1);
+    for (joint, numbers) in system.robot.joints_mut().zip([(0.02, 0.4, 1e-4), (50.0, -0.3, 2e-4)]) {
+        (joint.stiffness, joint.rest, joint.friction) = numbers;
+    }
+    let mut batch = batch(&Arc::new(system), "free", 40);
+    batch.states.iter_mut().enumerate().for_each(|(k, x)| *x = 0.5 * (k as f64).sin());
+    cases.push(Case { batch, torques: vec![1e-3; 80], config: ArticulatedConfig::implicit(4, Friction::Coulomb) });
+    for case in cases {
+        let what = format!("{} on {}", case.batch.system.name, case.batch.scenes[0].name);
+        let [double, single] = [Real::F64, Real::F32].map(|real| back_apart(&case, &compiler, real));
+        println!("{what}: slopes {:.1e}; f32 {:.1e}, {:.1e} in the median", double[39], single[39], single[20]);
+        // In one of them 32 bits may take another side of a kink, or see what is left of far larger slopes.
+        assert!(double[39] < 1e-9 && single[38] < 1e-3 && single[39] < 0.1, "{what}: {double:?}, f32 {single:?}");
     }
 }

@@ -1,9 +1,12 @@
 //! The articulated solver on a device.
 
+mod back;
 mod episode;
 mod program;
 #[cfg(feature = "cuda")]
 mod roll;
+#[cfg(feature = "cuda")]
+mod rows;
 #[cfg(feature = "cuda")]
 mod scenes;
 #[cfg(feature = "cuda")]
@@ -11,6 +14,7 @@ mod solver;
 
 #[cfg(feature = "cuda")]
 pub use crate::solver::device::{Held, Resident, failed};
+pub use back::{back_program, goes_back};
 pub use episode::{RANDOM, episode};
 pub use program::{Reach, Real, fault, functions, packed, program, record, surfaces};
 #[cfg(feature = "cuda")]

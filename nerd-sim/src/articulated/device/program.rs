@@ -46,6 +46,8 @@ const WALKS: usize = 4000;
 /// What a frame says beyond `1 + DoF` of a mass matrix that is none: a distance that is not a number, a state that is none.
 const LOST: i32 = 1 << 20;
 const GONE: i32 = LOST + 1;
+/// What its way back says beside: more substeps than are kept.
+const FINER: i32 = GONE + 1;
 
 /// Precision of the kernels; states are f64 in both.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -107,7 +109,7 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
     define("RENEW", flag(config.refresh == Refresh::Substep));
     define("HUBER", flag(config.friction == Friction::Huber));
     define("HELD", flag(system.held()));
-    define("ALONG", flag(along(robot) && system.stand_ins.is_empty() && !robot.mimics()));
+    define("ALONG", flag(deep(system)));
     define("HALVINGS", count(HALVINGS));
     let watched = config.contact_step == ContactStep::Implicit && system.stand_ins.is_empty() && system.folds.is_empty();
     define("WATCHED", flag(watched));
@@ -124,6 +126,7 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
     define("POWERS", count(POWERS));
     define("LOST", LOST.to_string());
     define("GONE", GONE.to_string());
+    define("FINER", FINER.to_string());
     define("FRAME", format!("{:e}", system.frame_time));
     define("DAMPED", format!("((real){})", number(bounds.damped)));
     text.push_str(KERNELS[0]);
@@ -133,6 +136,11 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
     folds(&mut text, system, &bounds);
     KERNELS[1..].iter().for_each(|part| text.push_str(part));
     text
+}
+
+/// Whether implicit steps go along the tree.
+pub(super) fn deep(system: &System) -> bool {
+    along(&system.robot) && system.stand_ins.is_empty() && !system.robot.mimics()
 }
 
 /// What a factorisation of the mass matrix takes: for each DoF, the square of how many are above it and itself.
@@ -304,6 +312,7 @@ pub fn record(scene: &Scene, system: &System, config: &ArticulatedConfig, reach:
 pub fn fault(robot: &Robot, code: i32) -> String {
     match code {
         LOST => "a contact point's distance is not a number: the state or the collider is not finite".into(),
+        FINER => "the frame's energy asks for more substeps than are kept for its slopes: take them on the CPU, or more substeps".into(),
         GONE => "the state after the frame is not a number; the state before it is the last good one".into(),
         code => Factor::new(robot).fault_at(robot, Some(code as usize - 1)),
     }

@@ -10,7 +10,7 @@ use super::scenes::take;
 use crate::articulated::config::ArticulatedConfig;
 use crate::batch::Batch;
 use crate::solver::device::{Held, Resident, acting, failed};
-use crate::solver::{Capabilities, Fault, Solver, StepError, finish, sound};
+use crate::solver::{Capabilities, Fault, Slopes, Solver, StepError, finish, sound};
 use crate::system::System;
 
 /// Environments of a block: a full warp, since an access of local memory costs as much for fewer; no more, so that a small batch spreads
@@ -50,6 +50,22 @@ pub trait Motion: Send {
     /// # Errors
     /// If the device fails.
     fn advance(&mut self, held: &Held, first: &[u64], frames: usize, hold: bool) -> Result<(), DeviceError>;
+
+    /// Refuses a batch whose frames it cannot go back over.
+    ///
+    /// # Errors
+    /// What that is, and where there are slopes.
+    fn goes_back(&self, _batch: &Batch) -> Result<(), StepError> {
+        Err(StepError::Refused("this solver has no slopes on a card: take them on the CPU".into()))
+    }
+
+    /// [`Solver::back`] of the batch and torques that `held` took over.
+    ///
+    /// # Errors
+    /// As that.
+    fn back(&mut self, _held: &Held, batch: &Batch, _rows: usize, _by_next: &[f64]) -> Result<Slopes, StepError> {
+        self.goes_back(batch).map(|()| Slopes::default())
+    }
 
     /// Clears what is remembered of an environment.
     fn reset(&mut self, _env: usize) {}
@@ -217,6 +233,24 @@ impl<M: Motion> OnDevice<M> {
 impl<M: Motion> Solver for OnDevice<M> {
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
         self.roll(batch, torques, 1)
+    }
+
+    fn back(&mut self, batch: &Batch, torques: &[f64], rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
+        self.motion.goes_back(batch)?;
+        let wide = batch.len() * rows * 2 * batch.system.robot.nv();
+        if wide == 0 || by_next.len() != wide {
+            return Err(StepError::Solver(format!("{} numbers of gradients, {wide} are needed, and some", by_next.len())));
+        }
+        sound(batch, torques, &mut self.faults)?;
+        if !self.faults.is_empty() {
+            return Err(StepError::Environments(std::mem::take(&mut self.faults)));
+        }
+        self.motion.capabilities().admit(batch)?;
+        self.motion.check(batch)?;
+        self.prepare(batch)?;
+        let Some((Made { held, reach, .. }, device)) = self.made.as_mut().zip(self.motion.device()) else { return Ok(Slopes::default()) };
+        take(held, device, batch, self.motion.config(), *reach, (torques, batch.system.robot.joint_count()))?;
+        self.motion.back(held, batch, rows, by_next)
     }
 
     fn reset(&mut self, env: usize) {

@@ -3,12 +3,14 @@
 use nerd_cuda::Arg::{Int, Ptr};
 use nerd_cuda::{Device, DeviceError};
 
+use super::back::{back_program, goes_back};
 use super::program::{Reach, Real, program};
 use super::roll::{BLOCK, Motion, OnDevice};
+use super::rows::Rows;
 use crate::articulated::config::ArticulatedConfig;
 use crate::batch::Batch;
 use crate::solver::device::{Held, failed};
-use crate::solver::{Capabilities, StepError};
+use crate::solver::{Capabilities, Slopes, StepError};
 
 /// [`super::super::Articulated`] on a GPU, one thread an environment: the same frame, the same settings, any robot.
 ///
@@ -21,12 +23,16 @@ pub struct Whole {
     config: ArticulatedConfig,
     real: Real,
     device: Option<Device>,
+    /// What its kernels were made for.
+    reach: Reach,
+    /// Of its way back, once that is asked for.
+    rows: Option<Rows>,
 }
 
 impl CudaArticulated {
     /// A solver with these settings; the device is opened at its first step.
     pub fn new(config: ArticulatedConfig, real: Real) -> Self {
-        Self::by(Whole { config, real, device: None })
+        Self::by(Whole { config, real, device: None, reach: Reach::default(), rows: None })
     }
 }
 
@@ -44,7 +50,7 @@ impl Motion for Whole {
     }
 
     fn open(&mut self, batch: &Batch, reach: Reach) -> Result<(), StepError> {
-        self.device = None;
+        (self.device, self.reach, self.rows) = (None, reach, None);
         let text = program(&batch.system, &self.config, self.real, reach);
         self.device = Some(Device::open(nerd_cuda::ordinal(), &text, &["advance"]).map_err(failed)?);
         Ok(())
@@ -56,6 +62,23 @@ impl Motion for Whole {
 
     fn advance(&mut self, held: &Held, _: &[u64], frames: usize, hold: bool) -> Result<(), DeviceError> {
         self.launch(held, frames, hold)
+    }
+
+    fn goes_back(&self, batch: &Batch) -> Result<(), StepError> {
+        goes_back(&self.config, batch)
+    }
+
+    fn back(&mut self, held: &Held, batch: &Batch, rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
+        let Some(device) = &mut self.device else { return Ok(Slopes::default()) };
+        let memory = match &mut self.rows {
+            Some(rows) => rows,
+            none => {
+                let text = back_program(&batch.system, &self.config, self.real, self.reach);
+                device.add(&text, &["slopes"]).map_err(failed)?;
+                none.insert(Rows::new(device).map_err(failed)?)
+            }
+        };
+        memory.back(device, held, batch, rows, by_next)
     }
 
     fn frame(&mut self, held: &Held) -> Result<(), DeviceError> {

@@ -1,0 +1,150 @@
+// Back over the solves of a substep by the implicit function theorem, and over the weights that it found, as articulated/slopes/stage.rs and
+// weigh.rs.
+
+// Back over a point's force under the virtual motion. Returns the gradient by the root's w x v.
+BIG V3 press_back(Work& w, Back& b, const Touch& touch, const Law& law, real h) {
+    const int i = touch.link;
+    const V3 x = touch.x, n = touch.normal, middle = x + n * RADIUS[touch.index / w.surfaces];
+    const Motion twist = w.tree.velocity[i], own = b.virtuals[i];
+    const V3 by_force = at(own, x), by_change = back(law.by_change, by_force) * h, by_velocity = back(law.by_velocity, by_force);
+    const V3 by_bend = back(law.by_bend, by_force), by_gap = n * dot(law.by_gap, by_force), by_moves = cross(by_bend, twist.ang);
+    b.weight[touch.index] += dot(law.by_weight, by_force);
+    b.way = b.way + by_gap;
+    b.by_virtual[i] = b.by_virtual[i] + force_at(law.force, x);
+    b.by_quickened[i] = b.by_quickened[i] + force_at(by_change, x);
+    b.by_acceleration[i] = b.by_acceleration[i] + force_at(by_bend, x);
+    b.by_velocity[i] = b.by_velocity[i] + force_at(by_moves, middle);
+    b.by_velocity[i].ang = b.by_velocity[i].ang + cross(at(twist, middle), by_bend);
+    b.starts[i] = b.starts[i] + force_at(by_velocity, x);
+    const V3 by_place = by_gap + cross(law.force, own.ang) + cross(by_change, b.quickened[i].ang) + cross(by_velocity, b.start[i].ang)
+                        + cross(by_bend, b.acceleration[i].ang) + cross(by_moves, twist.ang);
+    b.loads[i] = b.loads[i] + force_at(by_place, middle);
+    return by_change - by_bend;
+}
+
+// Back over the solves with w.middle, which ended at this rate; `first`: with the drags that the substep began with.
+BIG void stage_back(Work& w, Back& b, const Kept& kept, const real* rate, real h, bool first) {
+    Tree& t = w.tree;
+    velocities(t, w.middle);
+    accelerations(t, w.middle, w.gravity, b.acceleration);
+    V3 turned = v3(0, 0, 0);
+    for (int k = 0; k < NV; k++) { b.qdd[k] = rate[k]; b.own[k] = b.rate[k]; b.by_middle[k] = 0; }
+    if (DOFS) {
+        turned = cross(read3(w.middle), read3(w.middle + 3));
+        write3(b.qdd + 3, read3(rate + 3) - turned);
+    }
+    twists(t, b.qdd, b.quickened);
+    const auto idle = [&](const Touch& touch) { return touch.parted && !first; };
+    const auto law = [&](Touch& touch, Law& law) {
+        bend(w, touch, turned, h);
+        const V3 change = at(b.quickened[touch.link], touch.x) * h;
+        contact_law(touch, change, w.weight[touch.index], h, first, w.even, w.surface[touch.index % w.surfaces].material, law);
+    };
+    Law found;
+    for (int k = 0; k < NV * NV; k++) b.matrix[k] = 0;
+    for (int i = 0; i < NV; i++) upward(i, [&](int j) { b.matrix[i * NV + j] = b.matrix[j * NV + i] = t.mass[LOWER(i, j)]; });
+    for (int n = 0; n < w.touches; n++) {
+        Touch& touch = w.touch[n];
+        if (idle(touch)) continue;
+        if (touch.link < 0) {
+            b.matrix[touch.dof * NV + touch.dof] -= h * joint_law(touch, h * b.qdd[touch.dof], w.weight[touch.index], h, first, w.even).by_change;
+            continue;
+        }
+        law(touch, found);
+        V3 a[NV];
+        columns(t, touch.link, touch.x, a);
+        upward(last_dof(touch.link), [&](int i) {
+            const V3 along = back(found.by_change, a[i]) * h;
+            upward(last_dof(touch.link), [&](int j) { b.matrix[j * NV + i] -= dot(along, a[j]); });
+        });
+    }
+    eliminate(b.matrix, b.own);
+    V3 by_turn = DOFS ? read3(b.rate + 3) : v3(0, 0, 0);
+    adjoint_begin(t, b);
+    for (int i = 0; i < NJ; i++) {
+        const real own = b.own[DOFS + i];
+        b.torque[i] += own;
+        b.pose[DOFS + i] -= SPRING[i] * own;
+        b.speed[DOFS + i] -= w.braked[i] * own;
+        b.braked[i] -= kept.qd[DOFS + i] * own;
+        b.share[i] -= b.qdd[DOFS + i] * own;
+    }
+    for (int n = 0; n < w.touches; n++) {
+        Touch& touch = w.touch[n];
+        if (idle(touch)) continue;
+        if (touch.link >= 0) {
+            law(touch, found);
+            by_turn = by_turn + press_back(w, b, touch, found, h);
+            continue;
+        }
+        const JointLaw joint = joint_law(touch, h * b.qdd[touch.dof], w.weight[touch.index], h, first, w.even);
+        const real own = b.own[touch.dof];
+        b.pose[touch.dof] += joint.by_gap * own;
+        b.speed[touch.dof] += joint.by_rate * own;
+        b.weight[touch.index] += joint.by_weight * own;
+    }
+    adjoint_end(t, b, w.middle, b.by_middle);
+    if (DOFS) {
+        const V3 spin = read3(w.middle), v = read3(w.middle + 3);
+        write3(b.by_middle, read3(b.by_middle) + cross(v, by_turn));
+        write3(b.by_middle + 3, read3(b.by_middle + 3) + cross(by_turn, spin));
+    }
+    for (int k = 0; k < NV; k++) {
+        b.speed[k] += b.by_middle[k];
+        b.rate[k] = (real)0.5 * h * b.by_middle[k];
+    }
+}
+
+// Back over a weight w = y^T M^-1 y of a touch or a joint, with b.own = M^-1 y: dw = 2 z . dy - z . dM z.
+BIG void push_back(const Tree& t, Back& b, const Touch* touch, int point, real by) {
+    twists(t, b.own, b.virtuals);
+    for (int i = 0; i < NL; i++) {
+        b.by_virtual[i] = (body(t, i) * b.virtuals[i]) * (-2 * by);
+        b.loads[i] = b.loads[i] - cross(b.virtuals[i], b.by_virtual[i]);
+    }
+    if (touch) {
+        const int i = touch->link;
+        const V3 n = touch->normal * (2 * by);
+        b.by_virtual[i] = b.by_virtual[i] + force_at(n, touch->x);
+        b.loads[i] = b.loads[i] + force_at(cross(n, b.virtuals[i].ang), touch->x + touch->normal * RADIUS[point]);
+    }
+    twists_back(t, b.own, b.by_virtual, b.loads, 0);
+}
+
+// Back over the weights that this substep found.
+BIG void weights_back(Work& w, Back& b, int number, real h) {
+    Tree& t = w.tree;
+    bool factored = false;
+    const auto factor = [&]() {
+        if (!factored) { crba(t); refill(t); }
+        factored = true;
+        for (int k = 0; k < NV; k++) b.own[k] = 0;
+    };
+    for (int n = 0; n < w.touches; n++) {
+        const Touch& touch = w.touch[n];
+        const real by = b.weight[touch.index];
+        if (by == 0 || b.since[touch.index] != number) continue;
+        factor();
+        if (touch.link < 0) {
+            b.own[touch.dof] = 1;
+        } else {
+            V3 a[NV];
+            columns(t, touch.link, touch.x, a);
+            upward(last_dof(touch.link), [&](int k) { b.own[k] = dot(touch.normal, a[k]); });
+        }
+        solve(t, b.own);
+        push_back(t, b, touch.link < 0 ? 0 : &touch, touch.index / (w.surfaces > 0 ? w.surfaces : 1), by);
+    }
+    for (int i = 0; number == 0 && i < NJ; i++) {
+        if (h * most(DAMPING[i], h * SPRING[i]) <= LEAST[i]) continue;
+        factor();
+        b.own[DOFS + i] = 1;
+        solve(t, b.own);
+        // Dampings and shares by w, as Damped::slopes.
+        const real ease = b.own[DOFS + i], k = h * h * SPRING[i], braked = w.braked[i], z = h * braked * ease, e = expm1(-z);
+        const real by_braked = k * ease < CALM && braked > DAMPING[i] ? k * k / h : 0;
+        const real slope = z > 1 ? 1 / (z * z) - (1 + e) / (e * e) : 0, by_spring = foresight(k * ease) > EVEN ? (real)0.5 / (ease * ease) : 0;
+        const real by_share = slope * h * (braked + ease * by_braked) * h * braked + w.damper[i] * h * by_braked + by_spring;
+        push_back(t, b, 0, 0, by_braked * b.braked[i] + by_share * b.share[i]);
+    }
+}
