@@ -1,17 +1,19 @@
-//! The fit: CMA-ES within the bounds (Hansen, "The CMA Evolution Strategy: A Tutorial", arXiv 1604.00772; crate fcmaes-core).
-//! Contact makes the objective too rugged for gradients.
+//! The fit: descent by slopes where the solver has them; elsewhere CMA-ES within the bounds (Hansen, "The CMA Evolution Strategy: A Tutorial",
+//! arXiv 1604.00772; crate fcmaes-core).
 
 use fcmaes_core::{Cmaes, CmaesParams, Fitness};
 use serde::{Deserialize, Serialize};
 
+use super::descent::descend;
 use super::parameter::{CalibrateError, Parameter};
 use super::subject::Subject;
 use super::trial::{Distance, Trial, mean};
 
-/// How to fit. The search goes from coarse to fine: its first half, two searches, sees a quarter of the trials.
+/// How to fit. Both ways go from coarse to fine: the first half of a search, two searches, and all of a descent but its last stage see a quarter
+/// of the trials.
 #[derive(Clone, Copy, Debug)]
 pub struct FitConfig {
-    /// Evaluations of the objective.
+    /// Evaluations of the objective at most; those of a descent count by their trials and frames.
     pub evaluations: usize,
     /// Trials that the second half sees at most, evenly chosen.
     pub trials: usize,
@@ -25,6 +27,10 @@ impl Default for FitConfig {
     }
 }
 
+/// Frames and trials that each stage of a descent sees, in shares of all.
+const STAGES: [[f64; 2]; 4] = [[0.125, 0.25], [0.5, 0.25], [1.0, 0.25], [1.0, 1.0]];
+/// Where a descent begins at least from the bounds: dry friction that is not there has no slope.
+const INSIDE: f64 = 0.01;
 /// First steps of the coarse and of the fine search, in shares of the bounds.
 const STEPS: [f64; 2] = [0.15, 0.04];
 
@@ -43,8 +49,8 @@ pub struct Fit {
 
 /// The sum of the distances in units of those of `unit`, over their number; joints only where there are some.
 fn objective(apart: &Distance, unit: &Distance) -> f64 {
-    let parts = [(apart.position, unit.position), (apart.rotation, unit.rotation), (apart.joints, unit.joints)];
-    let (sum, n) = parts.iter().filter(|p| p.1 > 0.0).fold((0.0, 0.0), |(sum, n), p| (sum + p.0 / p.1, n + 1.0));
+    let parts = apart.parts().into_iter().zip(unit.parts());
+    let (sum, n) = parts.filter(|p| p.1 > 0.0).fold((0.0, 0.0), |(sum, n), p| (sum + p.0 / p.1, n + 1.0));
     if n > 0.0 { sum / n } else { 0.0 }
 }
 
@@ -120,6 +126,12 @@ impl Subject {
         }
         let fine = thinned(trials, config.trials);
         let few = thinned(&fine, fine.len().div_ceil(4));
+        let all = Search { subject: self, parameters, trials: &fine, unit: mean(&self.distances(&fine)?) };
+        if let Some(values) = self.descended(parameters, [&few, &fine], config.evaluations as f64, progress)? {
+            let (objective, after) = all.worth(&values)?;
+            progress(config.evaluations, objective);
+            return Ok(Fit { values, objective, before: all.unit, after });
+        }
         let nominal: Vec<f64> = parameters.iter().map(|p| p.nominal).collect();
         let (quarter, mut done) = (config.evaluations.div_ceil(4), 0);
         // Coarse, twice: contact has valleys side by side, such as much friction that creeps and little that holds.
@@ -133,10 +145,35 @@ impl Subject {
             }
         }
         let rest = config.evaluations.saturating_sub(done);
-        let search = Search { subject: self, parameters, trials: &fine, unit: mean(&self.distances(&fine)?) };
-        let (_, values) = search.run(&best.1, STEPS[1], rest, config.seed, &mut |own, worth| progress(done + own, worth))?;
-        let (objective, after) = search.worth(&values)?;
-        Ok(Fit { values, objective, before: search.unit, after })
+        let (_, values) = all.run(&best.1, STEPS[1], rest, config.seed, &mut |own, worth| progress(done + own, worth))?;
+        let (objective, after) = all.worth(&values)?;
+        Ok(Fit { values, objective, before: all.unit, after })
+    }
+
+    /// The values to which slopes lead from nominal ones, through all stages that `budget` allows; nothing where there are no slopes.
+    fn descended(
+        &self,
+        parameters: &[Parameter],
+        [few, all]: [&[Trial]; 2],
+        budget: f64,
+        progress: &mut dyn FnMut(usize, f64),
+    ) -> Result<Option<Vec<f64>>, CalibrateError> {
+        if parameters.is_empty() {
+            return Ok(None);
+        }
+        let mut values: Vec<f64> = parameters.iter().map(|p| p.at(p.place(p.nominal).clamp(INSIDE, 1.0 - INSIDE))).collect();
+        let mut done = 0.0;
+        for [frames, share] in STAGES {
+            let trials: Vec<Trial> = if share < 1.0 { few } else { all }.iter().map(|trial| trial.begun(frames)).collect();
+            let search = Search { subject: self, parameters, trials: &trials, unit: mean(&self.distances(&trials)?) };
+            let (worth, bent) = (|v: &[f64]| Ok(search.worth(v)?.0), |v: &[f64]| self.bent(parameters, v, &trials, &search.unit));
+            let Some((own, best)) = descend(parameters, &mut values, (budget - done) / (frames * share), worth, bent)? else {
+                return Ok(None);
+            };
+            done += own * frames * share;
+            progress(done as usize, best);
+        }
+        Ok(Some(values))
     }
 
     /// The objective along each parameter, all others as fitted: values of the parameter and of the objective, lowest first.

@@ -15,6 +15,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod bent;
+mod descent;
 mod fit;
 mod parameter;
 mod subject;

@@ -218,6 +218,11 @@ impl Parameter {
         if self.logarithmic { self.low * (self.high / self.low).powf(x) } else { self.low + x * (self.high - self.low) }
     }
 
+    /// By how much a value changes with its place between the bounds.
+    pub(super) fn by_place(&self, value: f64) -> f64 {
+        if self.logarithmic { value * (self.high / self.low).ln() } else { self.high - self.low }
+    }
+
     /// A value's position between the bounds.
     pub fn place(&self, value: f64) -> f64 {
         if self.low == self.high {

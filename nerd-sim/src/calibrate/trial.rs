@@ -37,6 +37,21 @@ pub struct Distance {
     pub other_side: f64,
 }
 
+impl Distance {
+    /// What an objective is made of.
+    pub(super) fn parts(&self) -> [f64; 3] {
+        [self.position, self.rotation, self.joints]
+    }
+}
+
+impl Trial {
+    /// Its first frames, a share of all.
+    pub(super) fn begun(&self, share: f64) -> Self {
+        let n = ((share * self.measured.len() as f64).ceil() as usize).clamp(2.min(self.measured.len()), self.measured.len());
+        Self { measured: self.measured[..n].to_vec(), torques: self.torques[..n - 1].to_vec(), ..self.clone() }
+    }
+}
+
 impl Log {
     /// Pieces of `length` frames, a start every `every` frames; of whole trajectories one each if `length` is 0.
     pub fn trials(&self, length: usize, every: usize) -> Vec<Trial> {
@@ -85,7 +100,7 @@ impl Subject {
 
     /// The start of a rollout: out of the ground, which would throw out what begins in it, and, in free fall, with a velocity of its
     /// own moment.
-    fn start(&self, trial: &Trial, data: &mut Data) -> Vec<f64> {
+    pub(super) fn start(&self, trial: &Trial, data: &mut Data) -> Vec<f64> {
         let (robot, mut state, mut events) = (&self.system.robot, trial.start.clone(), Vec::new());
         if !robot.floating() {
             return state;

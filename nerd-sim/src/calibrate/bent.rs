@@ -1,0 +1,114 @@
+//! How the objective changes with its parameters: sensitivities of rollouts, forward, `S' = A S + P` with a frame's slopes A by the state before
+//! and P by the parameters.
+
+use nalgebra::{DMatrix, DVector};
+use nerd_core::dynamics::Data;
+use nerd_core::state::{quaternion, vector};
+use nerd_core::tangent::difference;
+use rayon::prelude::*;
+
+use super::parameter::{CalibrateError, Parameter};
+use super::subject::{Engine, Subject};
+use super::trial::{Distance, Trial};
+use crate::articulated::Articulated;
+use crate::batch::Batch;
+use crate::log::turned;
+use crate::solver::StepError;
+
+/// Places over which starts are differenced.
+const SIDE: f64 = 1e-5;
+/// A frame that a change of all places by 1 would move by so many units counts half: what follows from a bounce that turns out otherwise says
+/// nothing about it.
+const FAR: f64 = 150.0;
+/// And sensitivities so large end a rollout: numbers end soon after.
+const HOPELESS: f64 = 1e9;
+/// Differences below this many units count by their squares.
+const NEAR: f64 = 0.1;
+
+/// Slope of the objective by the parameters' places between their bounds, and its curvature as Gauss and Newton take it: a distance d counts as
+/// a square over d (iteratively reweighted least squares).
+pub(super) struct Bent {
+    pub(super) slope: DVector<f64>,
+    pub(super) curvature: DMatrix<f64>,
+}
+
+impl Bent {
+    fn none(p: usize) -> Self {
+        Self { slope: DVector::zeros(p), curvature: DMatrix::zeros(p, p) }
+    }
+
+    /// Adds a difference (of `unit` size) and its sensitivities.
+    fn add(&mut self, apart: &[f64], by: DMatrix<f64>, unit: f64, share: f64) {
+        let apart = DVector::from_column_slice(apart);
+        let far = by.norm() / (FAR * unit);
+        let weight = share / ((1.0 + far * far) * unit * apart.norm().max(NEAR * unit));
+        self.slope.gemv_tr(weight, &by, &apart, 1.0);
+        self.curvature.gemm_tr(weight, &by, &by, 1.0);
+    }
+}
+
+impl Subject {
+    /// Slope and curvature at these values, for a subject without them; nothing if its solver has no slopes.
+    pub(super) fn bent(
+        &self,
+        parameters: &[Parameter],
+        values: &[f64],
+        trials: &[Trial],
+        unit: &Distance,
+    ) -> Result<Option<Bent>, CalibrateError> {
+        let Engine::Articulated(config) = self.engine else { return Ok(None) };
+        let (own, p) = (self.with(parameters, values)?, parameters.len());
+        let (robot, unit) = (&own.system.robot, unit.parts());
+        let (nq, dofs, rows) = (robot.nq(), robot.root_dofs(), 2 * robot.nv());
+        let by_place: Vec<f64> = parameters.iter().zip(values).map(|(p, v)| p.by_place(*v)).collect();
+        let by = self.numbers_by(parameters, values)?.into_iter().zip(&by_place).map(|(by, place)| DVector::from_vec(by) * *place);
+        let by = DMatrix::from_columns(&by.collect::<Vec<_>>());
+        let side = |k: usize, size: f64| {
+            let mut values = values.to_vec();
+            values[k] += size * by_place[k];
+            self.with(parameters, &values)
+        };
+        let sides = (0..p).map(|k| Ok([side(k, -SIDE)?, side(k, SIDE)?])).collect::<Result<Vec<_>, CalibrateError>>()?;
+        let identity: Vec<f64> = (0..rows * rows).map(|k| f64::from(k % (rows + 1) == 0)).collect();
+        let begin = || (Articulated::new(config), Batch::new(&own.system, &own.scene, 1), Data::new(robot));
+        let one = |(solver, batch, data): &mut (Articulated, Batch, Data), trial: &Trial| {
+            let mut bent = Bent::none(p);
+            batch.reset(0, &own.start(trial, data));
+            let mut s = DMatrix::zeros(rows, p);
+            for (k, [low, high]) in sides.iter().enumerate() {
+                let apart = difference(robot, &low.start(trial, data), &high.start(trial, data));
+                s.set_column(k, &(DVector::from_vec(apart) / (2.0 * SIDE)));
+            }
+            let share = 1.0 / trial.measured.len() as f64;
+            for (torques, measured) in trial.torques.iter().zip(&trial.measured[1..]) {
+                let (slopes, numbers) = match solver.back_by_numbers(batch, torques, rows, &identity) {
+                    Ok(found) => found,
+                    Err(StepError::Refused(_)) => return None,
+                    // As a rollout, it says nothing more.
+                    Err(_) => break,
+                };
+                s = DMatrix::from_row_slice(rows, rows, &slopes.states) * s + DMatrix::from_row_slice(rows, by.nrows(), &numbers) * &by;
+                // Frames this far from their parameters would weigh nothing.
+                if !s.iter().all(|x| x.abs() < HOPELESS) {
+                    break;
+                }
+                batch.reset(0, &slopes.next);
+                let q = &slopes.next[..nq];
+                if robot.floating() {
+                    let (r, from) = (quaternion(&q[3..7]), quaternion(&measured[3..7]));
+                    let way = r.inverse_transform_vector(&(vector(q) - vector(measured)));
+                    bent.add(way.as_slice(), s.rows(3, 3).into_owned(), unit[0], share);
+                    bent.add((from.inverse() * r).scaled_axis().as_slice(), s.rows(0, 3).into_owned(), unit[1], share);
+                }
+                let joints = turned(robot, measured, q);
+                let share = share / joints.len().max(1) as f64;
+                let all = joints.iter().enumerate().filter(|_| unit[2] > 0.0);
+                all.for_each(|(i, apart)| bent.add(&[*apart], s.rows(dofs + i, 1).into_owned(), unit[2], share));
+            }
+            Some(bent)
+        };
+        let all: Vec<Option<Bent>> = trials.par_iter().map_init(begin, one).collect();
+        let sum = |a: Bent, b: Bent| Bent { slope: a.slope + b.slope, curvature: a.curvature + b.curvature };
+        Ok(all.into_iter().collect::<Option<Vec<_>>>().map(|all| all.into_iter().fold(Bent::none(p), sum)))
+    }
+}
