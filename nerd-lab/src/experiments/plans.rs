@@ -15,6 +15,8 @@ const PACED: u32 = 60;
 settings! {
     /// Planners that look ahead in one solver and act in the truth.
     pub struct Plans {
+        /// Name of the result
+        name: String = "plans".into(), Text;
         /// Tasks, comma-separated
         task: Vec<String> = ["cartpole-swingup", "ant-point", "franka-reach-torque"].map(String::from).into(), Texts;
         /// Planners, comma-separated: mppi, ilqr
@@ -26,7 +28,7 @@ settings! {
         games: usize = 100, Whole(STARTS);
         /// Seed of the starts
         seed: u64 = 500, Whole(SEEDS);
-        /// Plans that are compared by mppi, instead of a task's own number
+        /// Plans that are compared for an action, instead of a task's own number
         samples: Option<usize> = None, Whole(2..=65_536);
         /// Steps of a plan, instead of a task's own number
         steps: Option<usize> = None, Whole(1..=1000);
@@ -82,7 +84,7 @@ impl Plans {
         let own = match task {
             // What swings a pole up takes .8 s of looking ahead.
             "cartpole-swingup" => MppiConfig { samples: 16, steps: 48, noise: 0.15, hold: 4, temperature: 3.0, ..shared },
-            _ => shared,
+            _ => MppiConfig { steps: 16, hold: 4, temperature: 0.3, ..shared },
         };
         MppiConfig {
             samples: self.samples.unwrap_or(own.samples),
@@ -96,10 +98,11 @@ impl Plans {
 
     fn ilqr(&self, task: &str) -> IlqrConfig {
         let own = match task {
-            "cartpole-swingup" => IlqrConfig { steps: 48, ..IlqrConfig::default() },
-            _ => IlqrConfig { steps: 24, ..IlqrConfig::default() },
+            "cartpole-swingup" => IlqrConfig { steps: 56, search: 4, ..IlqrConfig::default() },
+            _ => IlqrConfig { steps: 24, search: 4, ..IlqrConfig::default() },
         };
-        IlqrConfig { steps: self.steps.unwrap_or(own.steps), effort: self.effort.unwrap_or(own.effort), ..own }
+        let (steps, search) = (self.steps.unwrap_or(own.steps), self.samples.unwrap_or(own.search));
+        IlqrConfig { steps, search, effort: self.effort.unwrap_or(own.effort), ..own }
     }
 
     /// A planner for so many environments, with the plans that it compares, and their steps.
@@ -185,7 +188,7 @@ impl Experiment for Plans {
             }
         }
         let effort = (self.games * self.task.len() * self.planner.len() * self.ahead.len()) as f64;
-        Ok(About { name: "plans".into(), seed: self.seed, effort, inputs })
+        Ok(About { name: self.name.clone(), seed: self.seed, effort, inputs })
     }
 
     fn measure(&self) -> Result<Measured> {
