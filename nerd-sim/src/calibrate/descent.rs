@@ -11,8 +11,8 @@ const RIDGE: f64 = 0.01;
 /// Longest step, in shares of the bounds.
 const LONGEST: f64 = 0.2;
 /// A round that gains a smaller share than this is the last, and there are at most so many.
-const LEAST: f64 = 0.004;
-const ROUNDS: usize = 8;
+const LEAST: f64 = 0.001;
+const ROUNDS: usize = 12;
 /// What a round's slopes cost, in evaluations of the objective.
 pub(super) const PASS: f64 = 10.0;
 
