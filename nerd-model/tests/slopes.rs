@@ -225,6 +225,7 @@ fn a_gradient_by_the_next_state_comes_to_prediction_and_state_as_differences_say
 }
 
 #[test]
+#[allow(clippy::type_complexity)]
 fn a_learned_frame_goes_back_to_state_and_torques_as_differences_say() {
     for (robot, scene) in ROBOTS {
         let system = System::named(robot).expect("built in");

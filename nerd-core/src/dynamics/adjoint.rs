@@ -86,7 +86,7 @@ impl Adjoint {
     pub fn begin(&mut self, robot: &Robot, data: &Data, virtual_rates: &[f64], qdd: &[f64], loads: &mut [Wrench]) {
         motions(robot, virtual_rates, data, &mut self.virtuals);
         motions(robot, qdd, data, &mut self.quickened);
-        for i in 0..robot.links.len() {
+        for (i, load) in loads.iter_mut().enumerate() {
             let (inertia, v, l) = (&data.inertia[i], &data.velocity[i], &self.virtuals[i]);
             let (a, y) = (data.acceleration[i] + self.quickened[i], v.cross(l));
             let (of_a, of_v, of_l, of_y) = (inertia.apply(&a), inertia.apply(v), inertia.apply(l), inertia.apply(&y));
@@ -94,7 +94,7 @@ impl Adjoint {
             self.by_quickened[i] = of_l * -1.0;
             self.by_acceleration[i] = of_l * -1.0;
             self.by_velocity[i] = l.cross_wrench(&of_v) + of_y;
-            loads[i] += l.cross_wrench(&of_a) + a.cross_wrench(&of_l) - y.cross_wrench(&of_v) - v.cross_wrench(&of_y);
+            *load += l.cross_wrench(&of_a) + a.cross_wrench(&of_l) - y.cross_wrench(&of_v) - v.cross_wrench(&of_y);
         }
     }
 
@@ -134,10 +134,10 @@ impl Adjoint {
     /// what else the motions do by `by_virtual`, which this begins, and ends with [`Self::end_energy`].
     pub fn begin_energy(&mut self, robot: &Robot, data: &Data, rates: &[f64], scale: f64, loads: &mut [Wrench]) {
         motions(robot, rates, data, &mut self.virtuals);
-        for i in 0..robot.links.len() {
+        for (i, load) in loads.iter_mut().enumerate() {
             let (own, momentum) = (&self.virtuals[i], data.inertia[i].apply(&self.virtuals[i]) * (2.0 * scale));
             self.by_virtual[i] = momentum;
-            loads[i] += own.cross_wrench(&momentum) * -1.0;
+            *load += own.cross_wrench(&momentum) * -1.0;
         }
     }
 

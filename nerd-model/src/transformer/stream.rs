@@ -89,7 +89,7 @@ impl<F: Forward> Stream for Windowed<F> {
 
     fn recall(&mut self, env: usize, memory: &[f64]) -> Result<(), ForwardError> {
         let (reach, width) = (self.config.reach(), self.config.inputs);
-        if memory.len() % width != 0 || memory.len() > reach * width || env >= self.held.len() {
+        if !memory.len().is_multiple_of(width) || memory.len() > reach * width || env >= self.held.len() {
             return Err(ForwardError { message: format!("{} numbers are no memory of environment {env}", memory.len()) });
         }
         self.tokens[env * reach * width..].iter_mut().zip(memory).for_each(|(token, x)| *token = *x as f32);

@@ -17,7 +17,7 @@ pub struct FitConfig {
     pub evaluations: usize,
     /// Trials that the second half sees at most, evenly chosen.
     pub trials: usize,
-    /// Seed of the search.
+    /// Seed of the search; a descent draws nothing.
     pub seed: u64,
 }
 
@@ -129,7 +129,6 @@ impl Subject {
         let all = Search { subject: self, parameters, trials: &fine, unit: mean(&self.distances(&fine)?) };
         if let Some(values) = self.descended(parameters, [&few, &fine], config.evaluations as f64, progress)? {
             let (objective, after) = all.worth(&values)?;
-            progress(config.evaluations, objective);
             return Ok(Fit { values, objective, before: all.unit, after });
         }
         let nominal: Vec<f64> = parameters.iter().map(|p| p.nominal).collect();

@@ -47,6 +47,7 @@ pub(crate) trait Frame: Send + Sized {
 pub(crate) trait Back: Frame {
     /// Steps as [`Frame::step`] does, and takes gradients `[row][2 nv]` by the next state to those by this one, by the torques and, if they are
     /// asked for, by numbers of robot and scene.
+    #[allow(clippy::too_many_arguments)]
     fn back(
         &mut self,
         system: &System,

@@ -352,5 +352,7 @@ fn slopes_by_parameters_are_those_of_central_differences() {
         let (worst, all) = (errors.iter().flatten().copied().fold(0.0, f64::max), errors.iter().flatten().count() + left_out);
         println!("{name}: {left_out} of {all} left out, error {worst:.1e} (worst)");
         assert!(worst < EXACT && 20 * left_out <= all, "{name}");
+        let idle = errors.iter().filter(|errors| errors.is_empty()).count();
+        assert!(idle <= 1, "{name}: {idle} parameters did nothing in any state");
     }
 }

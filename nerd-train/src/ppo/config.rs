@@ -31,7 +31,7 @@ impl Algorithm {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PpoConfig {
-    /// How it learns; SHAC has no use for clips, `critic`, `entropy`, `bounds` and `kl`. Default: ppo.
+    /// How it learns; SHAC has no use for `clip`, `value_clip`, `critic`, `entropy`, `bounds` and `kl`. Default: ppo.
     #[serde(skip_serializing_if = "Algorithm::usual")]
     pub algorithm: Algorithm,
     /// Environments. Default: 256.

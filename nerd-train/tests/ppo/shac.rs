@@ -77,7 +77,7 @@ fn centre(algorithm: Algorithm, steps: usize) -> Trainer {
 }
 
 #[test]
-fn slopes_teach_in_fewer_steps_than_samples() {
+fn in_as_many_steps_slopes_teach_more_than_samples() {
     let learned = [Algorithm::Shac, Algorithm::Ppo].map(|algorithm| {
         let mut run = centre(algorithm, 16 * 16 * 60);
         let started = std::time::Instant::now();

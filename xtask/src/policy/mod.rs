@@ -39,7 +39,7 @@ pub struct TrainArgs {
     pub task: String,
     #[command(flatten)]
     pub arena: ArenaArgs,
-    /// From samples, or from slopes, which models of single frames have
+    /// From samples (ppo), or from slopes (shac), which articulated and models of single frames have
     #[arg(long, value_parser = word::<Algorithm>(Algorithm::WORDS), default_value = "ppo", conflicts_with = "config")]
     pub algorithm: Algorithm,
     /// Settings of PPO: `paper`, or `small` where steps are dear [default: paper; small for a learned simulator on the CPU]

@@ -39,6 +39,7 @@ impl Memory {
 }
 
 /// What acts in a stage.
+#[allow(clippy::large_enum_variant)] // Most are contacts.
 enum Law {
     Contact(Contact, ContactLaw),
     /// At a joint, with its place among all weights.

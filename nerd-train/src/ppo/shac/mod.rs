@@ -8,7 +8,7 @@
 //! Actions are `clamp(mu + exp(s) noise)` with the noise held, so J is a function of the policy; `back.rs` has its gradient, through
 //! observation, policy, action, solver and reward of every step. What ends an episode cuts the way back: a terminal state is worth nothing
 //! more, where time ran out the critic's value stands, as at the horizon. That value is of a critic V' which follows (by 1 - 0.2 an iteration)
-//! the one that learns the TD(lambda) returns under it (`critic.rs`). The rate falls in a line to nothing.
+//! the one that learns the TD(lambda) returns under it (`critic.rs`). The rate falls in a line to a hundredth of the first.
 //!
 //! At an action beyond its bounds the clamp has no slope: one that leads back inside passes all the same (Hausknecht and Stone 2016), without
 //! which a policy that is sure of itself never changes its mind.
