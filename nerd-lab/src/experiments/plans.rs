@@ -1,5 +1,7 @@
 //! Planners: actions found by looking ahead in a model, or in the truth's own method at few substeps, and acted in the truth; beside a policy.
 
+use std::time::{Duration, Instant};
+
 use nerd_tasks::Episodes;
 use nerd_tasks::plan::{Ilqr, IlqrConfig, Mppi, MppiConfig, Planner};
 use nerd_train::ppo::{Actor, Game, folder, plan, play};
@@ -11,6 +13,8 @@ use crate::prelude::*;
 
 /// Steps by which a pace is measured.
 const PACED: u32 = 60;
+/// Answers by which a policy's pace is measured.
+const ANSWERS: u32 = 100_000;
 
 settings! {
     /// Planners that look ahead in one solver and act in the truth.
@@ -59,23 +63,16 @@ pub struct Row {
     pub steps: usize,
 }
 
-/// Actions a second of a planner for one environment, by the time that its thread had on a core, so that who else works there does not count.
+/// Actions a second of a planner for one environment.
 fn paced(mut planner: Box<dyn Planner>, truth: &mut Episodes) -> Result<f64> {
-    let mut spent = 0.0;
+    let mut spent = Duration::ZERO;
     for _ in 0..PACED {
-        let begun = on_core()?;
+        let begun = Instant::now();
         let actions = planner.act(truth)?;
-        spent += on_core()? - begun;
+        spent += begun.elapsed();
         truth.step(&actions)?;
     }
-    Ok(f64::from(PACED) / spent)
-}
-
-/// Time (s) that this thread has had on a core, as Linux counts it.
-fn on_core() -> Result<f64> {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat")?;
-    let nanoseconds: f64 = text.split_whitespace().next().unwrap_or_default().parse()?;
-    Ok(1e-9 * nanoseconds)
+    Ok(f64::from(PACED) / spent.as_secs_f64())
 }
 
 impl Plans {
@@ -105,14 +102,21 @@ impl Plans {
         IlqrConfig { steps, search, effort: self.effort.unwrap_or(own.effort), ..own }
     }
 
-    /// A planner for so many environments, with the plans that it compares, and their steps.
-    fn planner(&self, name: &str, task: &str, arena: &Arena, n: usize) -> Result<(Box<dyn Planner>, [usize; 2])> {
+    /// Plans that a planner compares, and their steps.
+    fn sizes(&self, name: &str, task: &str) -> Result<[usize; 2]> {
         let (mppi, ilqr) = (self.mppi(task), self.ilqr(task));
         Ok(match name {
-            "mppi" => (Box::new(Mppi::new(arena.episodes(task, n * mppi.samples, 0)?, mppi)), [mppi.samples, mppi.steps]),
-            "ilqr" => (Box::new(Ilqr::new(arena.episodes(task, n * ilqr.search, 0)?, ilqr)?), [ilqr.search, ilqr.steps]),
+            "mppi" => [mppi.samples, mppi.steps],
+            "ilqr" => [ilqr.search, ilqr.steps],
             _ => bail!("--set planner={name}: mppi or ilqr is needed"),
         })
+    }
+
+    /// A planner for one environment.
+    fn planner(&self, name: &str, task: &str, arena: &Arena) -> Result<Box<dyn Planner>> {
+        let [plans, _] = self.sizes(name, task)?;
+        let episodes = arena.episodes(task, plans, 0)?;
+        Ok(if name == "mppi" { Box::new(Mppi::new(episodes, self.mppi(task))) } else { Box::new(Ilqr::new(episodes, self.ilqr(task))?) })
     }
 
     fn arena(&self, task: &str, ahead: &str) -> Result<Arena> {
@@ -129,14 +133,14 @@ impl Plans {
 
     fn row(&self, task: &str, name: &str, ahead: &str) -> Result<Row> {
         let (arena, truth) = (self.arena(task, ahead)?, Arena::Truth(Truth::Articulated));
-        let (planner, [plans, steps]) = self.planner(name, task, &arena, 1)?;
+        let (planner, [plans, steps]) = (self.planner(name, task, &arena)?, self.sizes(name, task)?);
         let mut one = truth.episodes(task, 1, self.seed)?;
         let hertz = rayon::ThreadPoolBuilder::new().num_threads(1).build()?.install(|| paced(planner, &mut one))?;
         let bar = bar(&format!("games of {task}, {name} in {ahead}"), self.games as u64);
         // Planned for alone each, so that all cores have something to do; what is drawn is the game's own.
         let game = |k: usize| -> Result<Vec<Game>> {
             let mut episodes = truth.part(nerd_tasks::named(task)?, k..k + 1, self.seed)?;
-            let games = plan(&mut *self.planner(name, task, &arena, 1)?.0, &mut episodes, &mut |_| ())?;
+            let games = plan(&mut *self.planner(name, task, &arena)?, &mut episodes, &mut |_| ())?;
             bar.add(1);
             Ok(games)
         };
@@ -154,9 +158,9 @@ impl Plans {
         let (policy, truth) = (policy_of(path, task)?, Arena::Truth(Truth::Articulated));
         let actor = Actor::new(policy.clone());
         let seen = vec![0.1; policy.shape.stack * nerd_tasks::named(task)?.observation_dim()];
-        let begun = on_core()?;
-        (0..1000).for_each(|_| drop(std::hint::black_box(actor.mean(&seen))));
-        let hertz = 1000.0 / (on_core()? - begun);
+        let begun = Instant::now();
+        (0..ANSWERS).for_each(|_| drop(std::hint::black_box(actor.mean(&seen))));
+        let hertz = f64::from(ANSWERS) / begun.elapsed().as_secs_f64();
         let games = play(&policy, &mut truth.episodes(task, self.games, self.seed)?, &mut |_| ())?;
         Ok(Row { planner: "policy".into(), hertz, ..row(task, &folder::load(path)?.0.solver, &games) })
     }
@@ -176,6 +180,15 @@ impl Experiment for Plans {
             let of = nerd_tasks::named(task)?;
             inputs.add(Input::robot(&*System::named(of.robot())?));
             inputs.add(truth_of(task, Truth::Articulated)?);
+            for planner in &self.planner {
+                let [plans, steps] = self.sizes(planner, task)?;
+                // States of every plan's steps, on every thread.
+                let bytes = 64 * System::named(of.robot())?.robot.state_dim();
+                bounds::memory(&[("samples", plans), ("steps", steps), ("threads", rayon::current_num_threads())], bytes)?;
+                if planner == "ilqr" {
+                    self.planner(planner, task, &Arena::Judge(Setting::Accurate))?;
+                }
+            }
             for ahead in &self.ahead {
                 match self.arena(task, ahead)? {
                     Arena::Model { folder, .. } => inputs.add(Input::model(&folder)?),
@@ -210,7 +223,7 @@ impl Experiment for Plans {
         let header = ["task", "by", "planned or trained in", "plans x steps", "success (%)", "reward", "Hz on one core"];
         let note = "Acted in the truth. Success: the episode goes on to its end, and throughout its last quarter the pole is within 0.2 rad of \
                     upright, the torso within 0.5 m of its point, the hand within 0.05 m of its target; actions beyond a torque's limits are \
-                    clamped. Hz: actions a second for one environment, by the time that one thread had on a core. +-: standard error over games.";
+                    clamped. Hz: actions a second for one environment on one thread. +-: standard error over games.";
         let table = Table::new("plans", &header).with(rows.iter().map(line)).noted(note);
         Measured::new(&serde_json::json!({ "rows": rows }), vec![table])
     }

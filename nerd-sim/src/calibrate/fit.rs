@@ -127,11 +127,19 @@ impl Subject {
         let fine = thinned(trials, config.trials);
         let few = thinned(&fine, fine.len().div_ceil(4));
         let all = Search { subject: self, parameters, trials: &fine, unit: mean(&self.distances(&fine)?) };
-        if let Some(values) = self.descended(parameters, [&few, &fine], config.evaluations as f64, progress)? {
-            let (objective, after) = all.worth(&values)?;
+        let nominal: Vec<f64> = parameters.iter().map(|p| p.nominal).collect();
+        if let Some(ends) = self.descended(parameters, [&few, &fine], config.evaluations as f64, progress)? {
+            // What a stage gained on a few trials may be lost on all of them.
+            let (mut best, mut values) = (all.worth(&nominal)?, nominal);
+            for end in ends {
+                let own = all.worth(&end)?;
+                if own.0 < best.0 {
+                    (best, values) = (own, end);
+                }
+            }
+            let (objective, after) = best;
             return Ok(Fit { values, objective, before: all.unit, after });
         }
-        let nominal: Vec<f64> = parameters.iter().map(|p| p.nominal).collect();
         let (quarter, mut done) = (config.evaluations.div_ceil(4), 0);
         // Coarse, twice: contact has valleys side by side, such as much friction that creeps and little that holds.
         let coarse = Search { subject: self, parameters, trials: &few, unit: mean(&self.distances(&few)?) };
@@ -149,19 +157,19 @@ impl Subject {
         Ok(Fit { values, objective, before: all.unit, after })
     }
 
-    /// The values to which slopes lead from nominal ones, through all stages that `budget` allows; nothing where there are no slopes.
+    /// The values to which slopes lead from nominal ones by the end of each stage that `budget` allows; nothing where there are no slopes.
     fn descended(
         &self,
         parameters: &[Parameter],
         [few, all]: [&[Trial]; 2],
         budget: f64,
         progress: &mut dyn FnMut(usize, f64),
-    ) -> Result<Option<Vec<f64>>, CalibrateError> {
+    ) -> Result<Option<Vec<Vec<f64>>>, CalibrateError> {
         if parameters.is_empty() {
             return Ok(None);
         }
         let mut values: Vec<f64> = parameters.iter().map(|p| p.at(p.place(p.nominal).clamp(INSIDE, 1.0 - INSIDE))).collect();
-        let mut done = 0.0;
+        let (mut done, mut ends) = (0.0, Vec::new());
         for [frames, share] in STAGES {
             let trials: Vec<Trial> = if share < 1.0 { few } else { all }.iter().map(|trial| trial.begun(frames)).collect();
             let search = Search { subject: self, parameters, trials: &trials, unit: mean(&self.distances(&trials)?) };
@@ -171,8 +179,9 @@ impl Subject {
             };
             done += own * frames * share;
             progress(done as usize, best);
+            ends.push(values.clone());
         }
-        Ok(Some(values))
+        Ok(Some(ends))
     }
 
     /// The objective along each parameter, all others as fitted: values of the parameter and of the objective, lowest first.

@@ -93,7 +93,7 @@ impl Solver for WithFallback {
     }
 
     fn inner(&self) -> Option<&dyn Solver> {
-        self.fallback.as_deref().map_or_else(|| Some(&*self.whole as &dyn Solver), |fallback| Some(fallback))
+        self.fallback.as_deref().map_or_else(|| Some(&*self.whole as &dyn Solver), Some)
     }
 
     fn inner_mut(&mut self) -> Option<&mut dyn Solver> {
