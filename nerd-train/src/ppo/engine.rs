@@ -1,7 +1,7 @@
 //! What a policy answers on, keeps the steps of a rollout in and learns from them: PPO's `OnCpu`, or a GPU in `CudaEngine`, and `Shac`.
 
 use nerd_sim::solver::StepError;
-use nerd_tasks::{Episodes, Snapshot};
+use nerd_tasks::{Episodes, Snapshot, StepResult};
 
 use super::{Adam, Ended, Policy, PpoConfig, Running, StreamKey, TERMINATED, TRUNCATED, Taken, Updated};
 use crate::error::Result;
@@ -41,6 +41,12 @@ pub trait Engine: Send {
     }
 }
 
+/// How a step ended in each environment: not (0), in [`TERMINATED`] or in [`TRUNCATED`].
+pub(super) fn endings(result: &StepResult) -> impl Iterator<Item = u8> {
+    let both = result.terminated.iter().zip(&result.truncated);
+    both.map(|(terminated, truncated)| if *terminated { TERMINATED } else { TRUNCATED * u8::from(*truncated) })
+}
+
 /// A rollout by turns of a policy and the episodes: [`Turns::begin`], then [`Turns::act`] and [`Turns::arrive`] by turns, and
 /// [`Turns::finish`].
 pub trait Turns {
@@ -77,8 +83,7 @@ pub trait Turns {
             let (result, ended) = running.step(episodes, &actions, &mut reached)?;
             taken.ended.extend(ended.into_iter().map(|ended| Ended { step: t, ..ended }));
             taken.failed += result.failed;
-            let both = result.terminated.iter().zip(&result.truncated);
-            ends.extend(both.map(|(terminated, truncated)| if *terminated { TERMINATED } else { TRUNCATED * u8::from(*truncated) }));
+            ends.extend(endings(&result));
             rewards.extend(result.rewards);
             self.arrive(&reached, &result.truncated)?;
         }

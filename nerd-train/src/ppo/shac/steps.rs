@@ -3,8 +3,9 @@
 use nerd_tasks::{Episodes, Trace};
 
 use crate::error::Result;
+use crate::ppo::engine::endings;
 use crate::ppo::noise::drawn;
-use crate::ppo::{Actor, Ended, Policy, PpoConfig, Running, StreamKey, TERMINATED, TRUNCATED, Taken};
+use crate::ppo::{Actor, Ended, Policy, PpoConfig, Running, StreamKey, Taken};
 
 /// What is kept of a rollout, by step and environment.
 #[derive(Default)]
@@ -42,8 +43,7 @@ impl Steps {
             let (result, ended) = running.step(episodes, &actions, &mut cut)?;
             taken.ended.extend(ended.into_iter().map(|ended| Ended { step: t, ..ended }));
             taken.failed += result.failed;
-            let both = result.terminated.iter().zip(&result.truncated);
-            kept.ends.extend(both.map(|(terminated, truncated)| if *terminated { TERMINATED } else { TRUNCATED * u8::from(*truncated) }));
+            kept.ends.extend(endings(&result));
             kept.rewards.extend(result.rewards);
             kept.cut.extend_from_slice(&cut);
         }
