@@ -1,5 +1,6 @@
 //! One GPU: context, two streams, compiled kernels.
 
+use std::cell::RefCell;
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -63,17 +64,17 @@ pub enum Arg {
     Double(f64),
 }
 
-pub(crate) struct Queue {
+struct Queue {
     stream: Arc<CudaStream>,
     /// Of a device that multiplies matrices, with its workspace.
-    pub(crate) blas: Option<(CudaBlas, Buffer<u8>)>,
+    blas: Option<(CudaBlas, Buffer<u8>)>,
 }
 
 /// A device with the kernels of one text.
 pub struct Device {
     context: Arc<CudaContext>,
     kernels: HashMap<&'static str, CudaFunction>,
-    pub(crate) queues: [Queue; 2],
+    queues: RefCell<Arc<[Queue; 2]>>,
     /// Arithmetic of products.
     pub(crate) precision: Precision,
 }
@@ -86,7 +87,7 @@ impl Device {
         present("NVRTC (libnvrtc)", unsafe { nvrtc::sys::is_culib_present() })?;
         let context = CudaContext::new(ordinal).map_err(failed("no usable GPU"))?;
         let queue = || context.new_stream().map(|stream| Queue { stream, blas: None }).map_err(failed("stream"));
-        let queues = [queue()?, queue()?];
+        let queues = RefCell::new(Arc::new([queue()?, queue()?]));
         let mut device = Self { context, kernels: HashMap::new(), queues, precision: Precision::default() };
         device.add(source, kernels)?;
         Ok(device)
@@ -121,7 +122,8 @@ impl Device {
     /// The same device, with cuBLAS.
     pub fn with_products(mut self, precision: Precision) -> Result<Self, DeviceError> {
         present("cuBLAS (libcublas)", unsafe { blas::is_culib_present() })?;
-        for queue in &mut self.queues {
+        let mut queues = [Lane::Main, Lane::Side].map(|lane| Queue { stream: self.stream(lane), blas: None });
+        for queue in &mut queues {
             let blas = CudaBlas::new(queue.stream.clone()).map_err(failed("cuBLAS"))?;
             let workspace = allocate::<u8>(&self.context, WORKSPACE)?;
             unsafe { blas::cublasSetWorkspace_v2(*blas.handle(), workspace.ptr as *mut _, WORKSPACE) }
@@ -129,8 +131,17 @@ impl Device {
                 .map_err(failed("cuBLAS workspace"))?;
             queue.blas = Some((blas, workspace));
         }
-        self.precision = precision;
+        (self.queues, self.precision) = (RefCell::new(Arc::new(queues)), precision);
         Ok(self)
+    }
+
+    /// Gives all work from here on to the streams of another device, which is on the same GPU and multiplies matrices if this one does: it is
+    /// done in the order of theirs.
+    pub fn join(&self, other: &Self) -> Result<(), DeviceError> {
+        self.wait()?;
+        let theirs = other.queues.borrow().clone();
+        *self.queues.borrow_mut() = theirs;
+        Ok(())
     }
 
     /// Zeroed memory for `len` values.
@@ -186,7 +197,7 @@ impl Device {
 
     /// Waits for all work.
     pub fn wait(&self) -> Result<(), DeviceError> {
-        self.queues.iter().try_for_each(|q| q.stream.synchronize()).map_err(failed("the device stopped"))
+        self.queues.borrow().iter().try_for_each(|q| q.stream.synchronize()).map_err(failed("the device stopped"))
     }
 
     /// An event for [`Device::mark`] and [`Device::after`].
@@ -196,7 +207,7 @@ impl Device {
 
     /// Marks the work given to `lane` until now.
     pub fn mark(&self, lane: Lane, event: &CudaEvent) -> Result<(), DeviceError> {
-        event.record(self.stream(lane)).map_err(failed("event"))
+        event.record(&self.stream(lane)).map_err(failed("event"))
     }
 
     /// Lets `lane` go on only after what `event` marks.
@@ -257,8 +268,20 @@ impl Device {
         self.context.bind_to_thread().map_err(failed("context"))
     }
 
-    pub(crate) fn stream(&self, lane: Lane) -> &Arc<CudaStream> {
-        &self.queues[lane as usize].stream
+    pub(crate) fn stream(&self, lane: Lane) -> Arc<CudaStream> {
+        self.queues.borrow()[lane as usize].stream.clone()
+    }
+
+    /// cuBLAS on `lane`.
+    pub(crate) fn blas(&self, lane: Lane) -> Result<blas::cublasHandle_t, DeviceError> {
+        let missing = || DeviceError("this device was opened without matrix products".into());
+        self.queues.borrow()[lane as usize].blas.as_ref().map(|(blas, _)| *blas.handle()).ok_or_else(missing)
+    }
+
+    /// Whether what is given to the main stream is recorded, not done.
+    pub(crate) fn captures(&self) -> Result<bool, DeviceError> {
+        let status = self.stream(Lane::Main).capture_status().map_err(failed("graph capture"))?;
+        Ok(status != sys::CUstreamCaptureStatus::CU_STREAM_CAPTURE_STATUS_NONE)
     }
 }
 

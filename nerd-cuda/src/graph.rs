@@ -4,13 +4,14 @@ use std::cell::RefCell;
 
 use cudarc::driver::CudaGraph;
 
-use crate::device::Device;
+use crate::device::{Device, Lane};
 use crate::error::{DeviceError, failed};
 
 /// Work that runs kernel by kernel at its first call, is captured there, and is one graph from the second call on. What it reads and writes
-/// must stay where it is as long as its key is the same.
+/// must stay where it is as long as its key is the same. Within the capture of other work it is a part of that.
 pub struct Replay<K = ()> {
-    graphs: RefCell<Vec<(K, CudaGraph)>>,
+    /// With the stream that each is launched on.
+    graphs: RefCell<Vec<(K, usize, CudaGraph)>>,
     most: usize,
 }
 
@@ -40,7 +41,11 @@ impl<K: PartialEq> Replay<K> {
         key: K,
         work: impl Fn() -> Result<(), E>,
     ) -> Result<(), E> {
-        if let Some((_, graph)) = self.graphs.borrow().iter().find(|(made_for, _)| *made_for == key) {
+        if device.captures()? {
+            return work();
+        }
+        let stream = device.stream(Lane::Main).cu_stream() as usize;
+        if let Some((.., graph)) = self.graphs.borrow().iter().find(|(made_for, on, _)| *made_for == key && *on == stream) {
             return Ok(graph.launch().map_err(failed(what))?);
         }
         // Once outside of a capture, so that libraries have loaded what they load at their first call.
@@ -48,7 +53,7 @@ impl<K: PartialEq> Replay<K> {
         device.wait()?;
         let graph = device.capture(work)?;
         let mut graphs = self.graphs.borrow_mut();
-        graphs.push((key, graph));
+        graphs.push((key, stream, graph));
         let old = graphs.len().saturating_sub(self.most);
         graphs.drain(..old);
         Ok(())

@@ -108,11 +108,6 @@ impl Device {
         .map_err(|e| DeviceError(format!("{} matrix products {m} x {n} x {k}: {e:?}", batch.count)))
     }
 
-    fn blas(&self, lane: Lane) -> Result<blas::cublasHandle_t, DeviceError> {
-        let missing = || DeviceError("this device was opened without matrix products".into());
-        self.queues[lane as usize].blas.as_ref().map(|(blas, _)| *blas.handle()).ok_or_else(missing)
-    }
-
     fn compute(&self) -> blas::cublasComputeType_t {
         match self.precision {
             Precision::F32 | Precision::F16 => blas::cublasComputeType_t::CUBLAS_COMPUTE_32F,

@@ -36,7 +36,7 @@ int main() {
     std::vector<float> tokens(n * LDX), by_said(rows * n * STATE);
     std::vector<double> next(n * STATE), slopes(n * rows * 2 * NV), by_torques(n * rows * NJ);
     for (blockIdx.x = 0; blockIdx.x < n + 3; blockIdx.x++) {
-        slopes_look(states.data(), torques.data(), scene.data(), of.data(), tokens.data(), n);
+        slopes_look(states.data(), torques.data(), scene.data(), of.data(), tokens.data(), n, n);
         for (int row = 0; row < rows; row++) {
             slopes_said(states.data(), said.data(), by_next.data(), next.data(), by_said.data() + row * n * STATE, rows, row, n);
             slopes_back(states.data(), scene.data(), of.data(), said.data(), by_tokens.data() + row * n * INPUTS, by_next.data(), slopes.data(),

@@ -1,5 +1,5 @@
-// Kernels of a frame and its way back, a thread an environment: states and torques `[env]`, gradients by next states and what is found
-// `[env][rows]`, of which `row` is asked for.
+// Kernels of frames and the way back over one, a thread an environment: states and torques `[env]`, gradients by next states and what is found
+// `[env][rows]`, of which `row` is asked for. Tokens are those of `n` states, of `envs` environments frame by frame.
 
 #define EACH                                                   \
     const int env = blockIdx.x * blockDim.x + threadIdx.x;     \
@@ -7,15 +7,15 @@
     const double* state = states + (long long)env * STATE;
 #define KERNEL extern "C" __global__ void
 
-KERNEL slopes_look(const double* states, const double* torques, const double* scenes, const int* scene_of, float* tokens, int n) {
+KERNEL slopes_look(const double* states, const double* torques, const double* scenes, const int* scene_of, float* tokens, int n, int envs) {
     EACH
-    tell(state, torques + (long long)env * NJ, scenes + (long long)scene_of[env] * SCENE, tokens + (long long)env * LDX);
+    tell(state, torques + (long long)env * NJ, scenes + (long long)scene_of[env % envs] * SCENE, tokens + (long long)env * LDX);
 }
 
 KERNEL slopes_said(const double* states, const float* said, const double* by_next, double* next, float* by_said, int rows, int row, int n) {
     EACH
     const float* own = said + (long long)env * STATE;
-    if (row == 0) advance(state, own, next + (long long)env * STATE);
+    if (row == 0 && next) advance(state, own, next + (long long)env * STATE);
     said_back(state, own, by_next + ((long long)env * rows + row) * 2 * NV, by_said + (long long)env * STATE);
 }
 
@@ -24,6 +24,9 @@ KERNEL slopes_back(const double* states, const double* scenes, const int* scene_
     EACH
     const long long at = (long long)env * rows + row;
     const float* by_token = by_tokens + (long long)env * INPUTS;
-    frame_back(state, scenes + (long long)scene_of[env] * SCENE, said + (long long)env * STATE, by_token, by_next + at * 2 * NV, slopes + at * 2 * NV);
+    // They may be in the same place.
+    double behind[2 * NV];
+    for (int i = 0; i < 2 * NV; i++) behind[i] = by_next[at * 2 * NV + i];
+    frame_back(state, scenes + (long long)scene_of[env] * SCENE, said + (long long)env * STATE, by_token, behind, slopes + at * 2 * NV);
     for (int i = 0; i < NJ; i++) by_torques[at * NJ + i] = by_token[TORQUES + i] / SCALE[TORQUES + i];
 }

@@ -46,17 +46,21 @@ FN Seen seen(const World& w, int env, Work& work, bool asks) {
     return s;
 }
 
-// Torques of a frame; the state before it is kept if there is a `past`.
-FN void act(const World& w, int env, const float* actions, bool later, double* past_states, double* past_torques) {
+// Where a frame is kept, if it is: state and goal before it, torques in it.
+struct Past { double *states, *torques, *goals; };
+
+// Torques of a frame.
+FN void act(const World& w, int env, const float* actions, bool later, Past past) {
     if (later) counted(w, env);
     Work work;
     const Seen s = seen(w, env, work, ACT_ASKS);
     double action[ACTIONS + 1], *tau = w.torques + (long long)env * NJ;
     for (int k = 0; k < ACTIONS; k++) action[k] = actions[(long long)env * ACTIONS + k];
     task_act(s, action, tau);
-    if (!past_states) return;
-    for (int k = 0; k < STATE; k++) past_states[(long long)env * STATE + k] = s.state[k];
-    for (int k = 0; k < NJ; k++) past_torques[(long long)env * NJ + k] = tau[k];
+    if (!past.states) return;
+    for (int k = 0; k < STATE; k++) past.states[(long long)env * STATE + k] = s.state[k];
+    for (int k = 0; k < NJ; k++) past.torques[(long long)env * NJ + k] = tau[k];
+    for (int k = 0; k < GOALS && past.goals; k++) past.goals[(long long)env * GOALS + k] = s.goal[k];
 }
 
 // Rows as a policy sees them: the newest observation, its difference from the one before, that one's, and so on (stack.rs).
@@ -70,11 +74,14 @@ FN void pushed(const double* now, const double* row, double* out, int depth) {
 }
 FN void observe(const World& w, int env, Work& work, double* out) { task_observe(seen(w, env, work, OBSERVE_ASKS), out); }
 
-// After a step: its reward, how it ended (0 not, 1 terminated, 2 truncated), what is seen then; `cut` gets what was seen where time ran out.
-FN void judge(const World& w, int env, const double* row, double* next, double* cut, unsigned* cuts, int depth, double* reward, unsigned char* end) {
+// After a step: its reward, how it ended (0 not, 1 terminated, 2 truncated), what is seen then; `cut` gets what was seen where time ran out, and
+// `reached` the state, if they have a place: no number where the solver could not go on.
+FN void judge(const World& w, int env, const double* row, double* next, double* cut, unsigned* cuts, int depth, double* reward, unsigned char* end,
+              double* reached) {
     counted(w, env);
     double *state = w.states + (long long)env * STATE, now[SEEN], out;
     for (int k = 0; k < STATE; k++) if (!(fabs(state[k]) <= FAR)) w.failed[env] = 1;
+    for (int k = 0; k < STATE && reached; k++) reached[(long long)env * STATE + k] = w.failed[env] ? 0 / zero() : state[k];
     Work work;
     if (w.failed[env]) {
         // As the CPU does: once because it failed, once because it ended.
@@ -107,14 +114,15 @@ FN void judge(const World& w, int env, const double* row, double* next, double* 
 }
 
 #ifdef __CUDACC_RTC__
-extern "C" __global__ void task_act(const World* world, const float* actions, int later, double* past_states, double* past_torques) {
+extern "C" __global__ void task_act(const World* world, const float* actions, int later, double* past_states, double* past_torques,
+                                    double* past_goals) {
     const int env = blockIdx.x * blockDim.x + threadIdx.x;
-    if (env < world->n) act(*world, env, actions, later, past_states, past_torques);
+    if (env < world->n) act(*world, env, actions, later, {past_states, past_torques, past_goals});
 }
 extern "C" __global__ void task_judge(const World* world, const double* rows, double* next, double* cut, unsigned* cuts, int depth, double* rewards,
-                                      unsigned char* ends) {
+                                      unsigned char* ends, double* reached) {
     const int env = blockIdx.x * blockDim.x + threadIdx.x;
     const long long at = (long long)env * depth * SEEN;
-    if (env < world->n) judge(*world, env, rows + at, next + at, cut, cuts, depth, rewards + env, ends + env);
+    if (env < world->n) judge(*world, env, rows + at, next + at, cut, cuts, depth, rewards + env, ends + env, reached);
 }
 #endif

@@ -58,8 +58,8 @@ impl<F: Formulas> Task for F {
     }
 }
 
-/// What surrounds a solver in an episode, for scenes of at most so many colliders: the kernels `task_act` and `task_judge`. The text is plain
-/// C++, too, so that a test runs it where there is no card.
+/// What surrounds a solver in an episode, for scenes of at most so many colliders: the kernels `task_act` and `task_judge`, and with `slopes`
+/// `task_arrive_back` and `task_acted_back` of the way back through steps. The text is plain C++, too, so that a test runs it where there is no card.
 ///
 /// # Errors
 /// What of the robot's starts has no kernel; a formula that speaks of what there is not.
@@ -77,5 +77,8 @@ fn program(task: &impl Formulas, system: &System, colliders: usize, slopes: bool
     text.push_str(include_str!("sight.cuh"));
     text.push_str(&written(task, system, slopes)?);
     text.push_str(include_str!("task.cuh"));
+    if slopes {
+        text.push_str(include_str!("task_back.cuh"));
+    }
     Ok(text)
 }

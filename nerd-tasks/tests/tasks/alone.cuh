@@ -21,17 +21,17 @@ int main() {
     int *of = new int[n](), *faults = new int[n]();
     unsigned *failed = new unsigned[n](), *cuts = new unsigned[n](), counts[2] = {0, 0};
     double *torques = new double[n * NJ + 1](), *next = new double[n * depth * SEEN](), *cut = new double[n * depth * SEEN]();
-    double* rewards = new double[n]();
+    double *rewards = new double[n](), *reached = new double[n * STATE]();
     unsigned char* ends = new unsigned char[n]();
     const World w = {states, goals, torques, scene, of, faults, 0, failed, frames, begun, {key[0], key[1], key[2], key[3]}, key[4], counts, n};
     for (int f = 0; f < STEP_FRAMES; f++)
         for (int env = 0; env < n; env++) {
-            act(w, env, actions, f > 0, 0, 0);
+            act(w, env, actions, f > 0, {});
             faults[env] = planted[env];
         }
     for (int env = 0; env < n; env++) {
         const long long at = (long long)env * depth * SEEN;
-        judge(w, env, rows + at, next + at, cut, cuts, depth, rewards + env, ends + env);
+        judge(w, env, rows + at, next + at, cut, cuts, depth, rewards + env, ends + env, reached);
     }
     put_out(torques, n * NJ);
     put_out(rewards, n);
@@ -43,5 +43,6 @@ int main() {
     put_out(frames, n);
     put_out(begun, n);
     put_out(counts, 2);
+    put_out(reached, n * STATE);
     return 0;
 }

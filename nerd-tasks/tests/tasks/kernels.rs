@@ -59,6 +59,8 @@ struct Made {
     frames: Vec<u64>,
     begun: Vec<u64>,
     failed: u32,
+    /// What the step led to.
+    reached: Vec<f64>,
 }
 
 /// The task's kernels on what `episodes` are now.
@@ -92,7 +94,9 @@ fn run(compiler: &Compiler, text: &str, episodes: &Episodes, actions: &[f64], ro
         goals: reals(take(8 * kept.goals.len())),
         frames: whole(take(8 * N)),
         begun: whole(take(8 * N)),
-        failed: u32::from_le_bytes(take(4).try_into().expect("four bytes")),
+        // And one that cannot be begun.
+        failed: u32::from_le_bytes(take(8)[..4].try_into().expect("four bytes")),
+        reached: reals(take(8 * N * d)),
     }
 }
 
@@ -119,8 +123,10 @@ fn every_task_of_formulas_is_the_same_in_kernels() {
         let (mut episodes, actions) = under_way(name, &system);
         let before: Vec<f64> = (0..N * 2 * task.observation_dim()).map(|k| (k as f64 * 0.31).sin()).collect();
         let made = run(&compiler, &(text + include_str!("alone.cuh")), &episodes, &actions, &before);
+        episodes.trace();
         let StepResult { rewards, terminated, truncated, reached, failed, .. } = episodes.step(&actions).expect("it can be stepped");
-        let after = episodes.snapshot();
+        let (after, trace) = (episodes.snapshot(), episodes.trace());
+        let numbers = |x: &[f64]| x.iter().filter(|x| !x.is_nan()).copied().collect::<Vec<f64>>();
         let ends: Vec<u8> = terminated.iter().zip(&truncated).map(|(end, cut)| if *end { 1 } else { 2 * u8::from(*cut) }).collect();
         assert_eq!((&made.ends, made.failed as usize), (&ends, failed), "{name}: how episodes ended");
         assert!(failed == 2 && LATE.iter().any(|env| ends[*env] == 2) && ends.contains(&0), "{name}: {ends:?}");
@@ -145,6 +151,7 @@ fn every_task_of_formulas_is_the_same_in_kernels() {
             ("cut rows", apart(&cut, &seen)),
             ("states", apart(&made.states, &after.states)),
             ("goals", apart(&made.goals, &after.goals)),
+            ("states that were reached", apart(&numbers(&made.reached), &numbers(&trace.reached))),
         ];
         println!("{name}: {off:.1?}");
         assert!(off.iter().all(|(_, x)| *x < 1e-11), "{name}: {off:?}");

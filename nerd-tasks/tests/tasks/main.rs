@@ -8,6 +8,7 @@ mod lead;
 mod plan;
 mod rewards;
 mod slopes;
+mod steps;
 
 use nerd_sim::prelude::*;
 use nerd_sim::system::Source;

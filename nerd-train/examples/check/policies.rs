@@ -64,8 +64,8 @@ impl Side {
 }
 
 /// Episodes of which some will soon run out of time.
-fn episodes(task: &str, arena: &Arena) -> Outcome<Episodes> {
-    let mut episodes = arena.episodes(task, N, 3)?;
+pub fn under_way(task: &str, arena: &Arena, n: usize) -> Outcome<Episodes> {
+    let mut episodes = arena.episodes(task, n, 3)?;
     let length = episodes.task.episode_length() * episodes.task.frames();
     let mut kept = episodes.snapshot();
     kept.frames.iter_mut().enumerate().filter(|(env, _)| env % 5 == 0).for_each(|(env, f)| *f = length - 1 - (env as u64 % 40));
@@ -78,7 +78,7 @@ pub fn policies(checks: &mut Checks) -> Outcome {
     for (activation, spread_by_state, value_clip) in
         [(Activation::Relu, false, 0.0), (Activation::Elu, true, 0.2), (Activation::Tanh, false, 0.0)]
     {
-        let host = episodes("cartpole-swingup", &Arena::Judge(Setting::Implicit(4)))?;
+        let host = under_way("cartpole-swingup", &Arena::Judge(Setting::Implicit(4)), N)?;
         let config = PpoConfig { value_clip, entropy: 0.01, spread_by_state, ..config(2, activation) };
         let shape = Shape::of(&*host.task, &config);
         let (policy, mut side) = (Policy::new(shape.clone(), &mut stream(8, 0)), Side::new(host, false, &shape, &config)?);
@@ -105,10 +105,10 @@ pub fn tasks(checks: &mut Checks) -> Outcome {
 }
 
 fn task_alike(checks: &mut Checks, task: &str, arena: &Arena) -> Outcome {
-    let (host, config) = (episodes(task, arena)?, config(if task == "franka-reach-torque" { 3 } else { 1 }, Activation::Elu));
+    let (host, config) = (under_way(task, arena, N)?, config(if task == "franka-reach-torque" { 3 } else { 1 }, Activation::Elu));
     let shape = Shape::of(&*host.task, &config);
     let policy = Policy::new(shape.clone(), &mut stream(8, 0));
-    let (mut cpu, mut gpu) = (Side::new(host, false, &shape, &config)?, Side::new(episodes(task, arena)?, true, &shape, &config)?);
+    let (mut cpu, mut gpu) = (Side::new(host, false, &shape, &config)?, Side::new(under_way(task, arena, N)?, true, &shape, &config)?);
     let title = format!("{task} on {}", arena.title()?);
     for number in 0..2 {
         let ((one, told), (other, said)) = (cpu.roll(&policy, &config, number)?, gpu.roll(&policy, &config, number)?);

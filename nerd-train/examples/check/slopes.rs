@@ -1,4 +1,4 @@
-//! Slopes of models and of the articulated solver on the card: those of the CPU, and what they and a policy's learning from them cost there.
+//! Slopes of models and of the articulated solver on the card: those of the CPU, what they cost there, and how policies learn from them (`shac.rs`).
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -6,18 +6,13 @@ use std::time::Instant;
 
 use nerd_sim::articulated::device::{CudaArticulated, Real};
 use nerd_sim::prelude::*;
-use nerd_tasks::named;
 use nerd_train::device::Device;
-use nerd_train::ppo::{Arena, PpoConfig};
 
 use crate::with::{Checks, Outcome, apart, numbers};
 
 /// Environments of a model, and of the articulated solver.
 const N: usize = 512;
 const MANY: usize = 4096;
-/// Seconds that a policy learns, beside those in which kernels are made, and between two lines.
-const SECONDS: f64 = 25.0;
-const EVERY: f64 = 2.5;
 
 fn folder(robot: &str) -> PathBuf {
     Path::new("models").join(robot)
@@ -37,7 +32,8 @@ pub fn slopes(checks: &mut Checks) -> Outcome {
         let both: [Box<dyn Solver>; 2] = [Box::new(CudaArticulated::new(config, real)), Box::new(Articulated::new(config))];
         beside(checks, &format!("{robot}, articulated {real:?}"), (&system, "ground", MANY), both, most)?;
     }
-    learning()
+    crate::shac::gradients(checks)?;
+    crate::shac::learning(checks.seconds)
 }
 
 /// What one frame and the way back over it cost on the card, and how far its slopes are from the CPU's: at most so far, unless a point may touch in 32
@@ -78,29 +74,5 @@ fn beside(
     };
     let [step, back] = [one(false, &mut *card, &mut batch)?, one(true, &mut *card, &mut batch)?].map(|s| 1e3 * s);
     println!("   {name}: {n} environments step in {step:.2} ms, go forth and back in {back:.2} ms");
-    Ok(())
-}
-
-/// What policies learn from slopes of models in a while.
-fn learning() -> Outcome {
-    for task in ["cartpole-swingup", "ant-run", "anymal-forward"] {
-        let known = named(task)?;
-        let arena = Arena::Model { folder: folder(known.robot()), device: Device::Cuda };
-        let mut run = arena.trainer(known, PpoConfig::shac(task)?, 1, &Default::default())?;
-        run.iterate()?;
-        let (started, mut told) = (Instant::now(), 0.0);
-        while run.state.iteration < run.config.iterations && started.elapsed().as_secs_f64() < SECONDS {
-            let (line, passed) = (run.iterate()?, started.elapsed().as_secs_f64());
-            if passed > told + EVERY {
-                told = passed;
-                let (reward, length) = (line.reward.unwrap_or(f64::NAN), line.length.unwrap_or(f64::NAN));
-                let (rolled, learned) = (1e3 * line.rollout_seconds, 1e3 * line.update_seconds);
-                println!(
-                    "   {task}, {passed:.1} s, iteration {}: reward {reward:.1} over {length:.0} steps, {rolled:.0} + {learned:.0} ms",
-                    line.step
-                );
-            }
-        }
-    }
     Ok(())
 }

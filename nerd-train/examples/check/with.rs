@@ -9,12 +9,17 @@ use nerd_train::windows::{Windows, draw};
 pub type Outcome<T = ()> = Result<T, Box<dyn Error>>;
 
 /// What has been found so far.
-#[derive(Default)]
 pub struct Checks {
+    /// That policies learn for, where they do.
+    pub seconds: f64,
     failed: usize,
 }
 
 impl Checks {
+    pub fn new(seconds: f64) -> Self {
+        Self { seconds, failed: 0 }
+    }
+
     pub fn demand(&mut self, right: bool, what: String) {
         println!("{} {what}", if right { "  " } else { "NO" });
         self.failed += usize::from(!right);

@@ -4,7 +4,7 @@ use nerd_model::pick::Setting;
 use nerd_sim::articulated::device::{CudaArticulated, Real, Resident, Roll};
 use nerd_sim::solver::Slopes;
 
-use crate::learner::cuda::{self, CudaSlopes, Precision};
+use crate::learner::cuda::{self, Precision};
 use crate::prelude::*;
 
 /// A solver at one setting whose batch stays on a GPU.
@@ -24,18 +24,12 @@ pub(super) fn frames(
     precision: Precision,
     alone: impl FnOnce() -> Result<Box<dyn Solver>> + Send + 'static,
 ) -> Result<Box<dyn Solver>> {
-    let (is_chain, slopes) = (model.config.network.architecture == Architecture::Chain, SlopesOnCard { model: model.clone(), made: None });
+    let is_chain = model.config.network.architecture == Architecture::Chain;
     match cuda::resident(model, system, Real::F32, precision) {
         Ok(whole) => {
             let rest = if is_chain { "all is on the CPU" } else { "the network alone is on the card" };
-            Ok(Box::new(WithFallback {
-                whole: Box::new(whole),
-                stepped: false,
-                alone: Some(Box::new(alone)),
-                rest,
-                fallback: None,
-                slopes,
-            }))
+            let (whole, alone): (Box<dyn Roll>, Make) = (Box::new(whole), Box::new(alone));
+            Ok(Box::new(WithFallback { whole, stepped: false, alone: Some(alone), rest, fallback: None }))
         }
         Err(why) => {
             tell!("{why}");
@@ -58,13 +52,6 @@ struct WithFallback {
     /// What that is, in words.
     rest: &'static str,
     fallback: Option<Box<dyn Solver>>,
-    slopes: SlopesOnCard,
-}
-
-/// What finds a model's slopes, once it is asked for.
-struct SlopesOnCard {
-    model: Model,
-    made: Option<CudaSlopes>,
 }
 
 impl Solver for WithFallback {
@@ -104,13 +91,9 @@ impl Solver for WithFallback {
     }
 
     fn back(&mut self, batch: &Batch, torques: &[f64], rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
-        if let Some(fallback) = &mut self.fallback {
-            return fallback.back(batch, torques, rows, by_next);
-        }
-        let SlopesOnCard { model, made } = &mut self.slopes;
-        match made.take().filter(|made| made.fits(batch)).map_or_else(|| CudaSlopes::new(model, batch), Ok) {
-            Ok(fit) => made.insert(fit).back(batch, torques, rows, by_next),
-            Err(why) => Err(why),
+        match &mut self.fallback {
+            Some(fallback) => fallback.back(batch, torques, rows, by_next),
+            None => self.whole.back(batch, torques, rows, by_next),
         }
     }
 

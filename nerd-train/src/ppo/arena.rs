@@ -12,6 +12,8 @@ use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
 use nerd_tasks::{Episodes, Task, named};
 
+#[cfg(feature = "cuda")]
+use super::{Algorithm, CudaEngine, CudaShac, Engine, Shac, State};
 use super::{PpoConfig, Trainer};
 use crate::device::Device;
 use crate::error::{Error, Result, refuse};
@@ -121,9 +123,15 @@ impl Arena {
         #[allow(unused_mut)]
         let mut trainer = Trainer::among(ranks, episodes, config, seed)?;
         #[cfg(feature = "cuda")]
-        if self.on_gpu() && trainer.config.algorithm == super::Algorithm::Ppo {
-            let engine = super::CudaEngine::new(&trainer.state.policy.shape, &trainer.config, ranks);
-            trainer.engine = Box::new(engine.map_err(|e| Error::Refused(format!("--device cuda: {e}")))?);
+        if self.on_gpu() {
+            let Trainer { episodes, config, state: State { policy, .. }, .. } = &mut trainer;
+            let mut engine = || -> Result<Box<dyn Engine>> {
+                Ok(match config.algorithm {
+                    Algorithm::Ppo => Box::new(CudaEngine::new(&policy.shape, config, ranks)?),
+                    Algorithm::Shac => Box::new(CudaShac::new(Shac::new(episodes, policy, config, seed, ranks)?, policy, config)?),
+                })
+            };
+            trainer.engine = engine().map_err(|e| Error::Refused(format!("--device cuda: {e}")))?;
         }
         Ok(trainer)
     }

@@ -50,7 +50,7 @@ impl Trainer {
         for (name, own) in [("frames", frames), ("begun", begun)] {
             file.put_u64(name, &whole(&team, own, 1)?);
         }
-        self.engine.learned().into_iter().for_each(|(name, numbers)| file.put_f32(name, &[numbers.len()], numbers));
+        self.engine.learned()?.into_iter().for_each(|(name, numbers)| file.put_f32(name, &[numbers.len()], numbers));
         if !self.ranks.leads() {
             return Ok(());
         }
@@ -104,7 +104,7 @@ impl Trainer {
             past_states: real("past.states", past, None)?,
             past_torques: real("past.torques", past, None)?,
         };
-        for (name, numbers) in self.engine.learned() {
+        for (name, numbers) in self.engine.learned()? {
             *numbers = file.f32(name, Some(numbers.len()))?;
         }
         self.engine.restore(&mut self.episodes, &snapshot)?;

@@ -36,8 +36,13 @@ pub trait Engine: Send {
     }
 
     /// What it has learned beside the policy, by name.
-    fn learned(&mut self) -> Vec<(&'static str, &mut Vec<f32>)> {
-        Vec::new()
+    fn learned(&mut self) -> Result<Vec<(&'static str, &mut Vec<f32>)>> {
+        Ok(Vec::new())
+    }
+
+    /// Seconds of the last iteration by part, if it has parts.
+    fn spent(&self) -> &[(&'static str, f64)] {
+        &[]
     }
 }
 

@@ -45,7 +45,7 @@ pub use arena::{Arena, Make};
 pub use config::{Algorithm, PpoConfig};
 pub use cpu::OnCpu;
 #[cfg(feature = "cuda")]
-pub use cuda::CudaEngine;
+pub use cuda::{CudaEngine, CudaShac};
 pub use engine::{Engine, Turns};
 pub use gae::{TERMINATED, TRUNCATED};
 pub use loss::Terms;

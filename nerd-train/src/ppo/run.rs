@@ -130,7 +130,7 @@ impl PolicyRun {
         while trainer.state.iteration < trainer.config.iterations {
             let line = trainer.iterate()?;
             metrics.as_mut().map_or(Ok(()), |metrics| metrics.write(&line))?;
-            spent.add(&line, steps);
+            spent.add(&line, steps, trainer.engine.spent());
             if let (Some(reward), Some(length)) = (line.reward, line.length) {
                 bar.say(&format!("iteration {}: mean reward {reward:.1} over {length:.0} steps", line.step));
             }
@@ -152,17 +152,21 @@ impl PolicyRun {
 }
 
 /// What iterations took.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Spent {
     rollout: f64,
     update: f64,
+    /// Of both, by part.
+    parts: Vec<(&'static str, f64)>,
     steps: f64,
     /// Episodes that the solver could not go on with.
     failed: usize,
 }
 
 impl Spent {
-    fn add(&mut self, line: &Iteration, steps: usize) {
+    fn add(&mut self, line: &Iteration, steps: usize, parts: &[(&'static str, f64)]) {
+        self.parts.resize(parts.len(), ("", 0.0));
+        self.parts.iter_mut().zip(parts).for_each(|(sum, (name, seconds))| *sum = (name, sum.1 + seconds));
         self.rollout += line.rollout_seconds;
         self.update += line.update_seconds;
         self.steps += steps as f64;
@@ -171,9 +175,10 @@ impl Spent {
 
     /// In words: steps a second, and shares.
     fn words(&self) -> String {
-        let all = (self.rollout + self.update).max(1e-9);
-        let [rollout, update] = [self.rollout, self.update].map(|seconds| 100.0 * seconds / all);
-        format!("{:.0} steps/s: rollout {rollout:.0} %, update {update:.0} %", self.steps / all)
+        let (all, whole) = ((self.rollout + self.update).max(1e-9), [("rollout", self.rollout), ("update", self.update)]);
+        let parts = if self.parts.is_empty() { &whole[..] } else { &self.parts };
+        let shares: Vec<String> = parts.iter().map(|(name, seconds)| format!("{name} {:.0} %", 100.0 * seconds / all)).collect();
+        format!("{:.0} steps/s: {}", self.steps / all, shares.join(", "))
     }
 }
 

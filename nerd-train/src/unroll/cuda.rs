@@ -164,7 +164,7 @@ impl<B: OnCard> CudaUnrollLearner<B> {
             self.along("unroll_behind", &[&[states, Int(k), Int(later)][..], &rest].concat())?;
             net.forward(w, n)?;
             self.each("unroll_said", &[states, Int(k), outputs, upstream, Ptr(net.targets.ptr)])?;
-            net.backward(w, self.of_frame.ptr, n, Some(self.by_tokens.ptr))?;
+            net.backward(w, Some(self.of_frame.ptr), 0..n, Some(self.by_tokens.ptr))?;
             self.along("unroll_back", &[states, Int(k), outputs, kept, Ptr(self.by_tokens.ptr), upstream])?;
             let p = self.of_frame.len;
             let args = [Ptr(self.of_frame.ptr), Ptr(all.ptr), Int(p), Int(usize::from(later == 0))];

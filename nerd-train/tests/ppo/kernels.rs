@@ -38,6 +38,7 @@ int main() {
     auto sizes = take<int>(6);
     const int n = sizes[0], seen = sizes[1], a = sizes[2], horizon = sizes[3], parts = sizes[4], padded = sizes[5], steps = n * horizon;
     auto key = take<u64>(5);
+    const u64 later = 3, first_stream = key[4] - later;
     auto law = take<double>(10);
     auto rows = take<double>(steps * seen), mean_of = take<double>(seen), inverse = take<double>(seen);
     auto rewards = take<double>(steps), values = take<double>(steps + n), cut = take<double>(steps);
@@ -47,7 +48,7 @@ int main() {
     vector<float> advantages(steps), wanted(steps), known(steps);
     vector<double> worth(n), both(2 * steps), partial(parts * seen), first(seen), second(seen);
     RUN(steps * seen, normalize(rows.data(), mean_of.data(), inverse.data(), inputs.data(), steps * seen, seen, padded));
-    RUN(n, act(said.data(), parameter.data(), key[0], key[1], key[2], key[3], key[4], law[0], law[1], means.data(), spreads.data(),
+    RUN(n, act(said.data(), parameter.data(), key[0], key[1], key[2], key[3], &first_stream, later, law.data(), means.data(), spreads.data(),
                actions.data(), surprise.data(), worth.data(), kept.data(), n, a, a + 1, 0));
     RUN(n, gae(rewards.data(), ends.data(), values.data(), cut.data(), both.data(), n, horizon, law[2], law[3]));
     RUN(parts * seen, columns(rows.data(), nullptr, steps, seen, parts, partial.data()));

@@ -110,16 +110,19 @@ BIG int frame_back(const double* state, const double* tau, const double* scene, 
 }
 
 #ifdef __CUDACC_RTC__
-// `rows` gradients of each environment, a thread each. Each writes the state after the frame, the same one.
+// `rows` gradients of each environment, a thread each: zeros where its frame is a fault. The first of them writes the state after the frame and the
+// fault, if they have a place.
 extern "C" __global__ void slopes(const double* states, const double* torques, const double* scenes, const int* scene_of, const double* by_next,
                                   double* nexts, double* by_states, double* by_torques, int* faults, int n, int rows) {
     const int env = blockIdx.x * blockDim.x + threadIdx.x;
     if (env >= n) return;
     const long long at = (long long)env * rows + blockIdx.y;
-    double next[NQ + NV];
+    double next[NQ + NV], *by_state = by_states + at * 2 * NV, *by_tau = by_torques + at * NJ;
     const int fault = frame_back(states + (long long)env * (NQ + NV), torques + (long long)env * NJ, scenes + (long long)scene_of[env] * SCENE,
-                                 by_next + at * 2 * NV, next, by_states + at * 2 * NV, by_torques + at * NJ);
-    if (blockIdx.y) return;
+                                 by_next + at * 2 * NV, next, by_state, by_tau);
+    for (int k = 0; k < 2 * NV && fault; k++) by_state[k] = 0;
+    for (int k = 0; k < NJ && fault; k++) by_tau[k] = 0;
+    if (blockIdx.y || !nexts) return;
     faults[env] = fault;
     for (int k = 0; k < NQ + NV && !fault; k++) nexts[(long long)env * (NQ + NV) + k] = next[k];
 }

@@ -13,7 +13,7 @@ mod scenes;
 mod solver;
 
 #[cfg(feature = "cuda")]
-pub use crate::solver::device::{Held, Resident, failed};
+pub use crate::solver::device::{Back, Held, Resident, Trail, failed};
 pub use back::{back_program, goes_back};
 pub use episode::{RANDOM, episode};
 pub use program::{Reach, Real, fault, functions, packed, program, record, surfaces};

@@ -6,10 +6,11 @@ use nalgebra::Vector3;
 use nerd_cuda::{Device, DeviceError};
 
 use super::program::{Reach, fault};
+use super::rows::Rows;
 use super::scenes::take;
 use crate::articulated::config::ArticulatedConfig;
 use crate::batch::Batch;
-use crate::solver::device::{Held, Resident, acting, failed};
+use crate::solver::device::{Back, Held, Resident, Trail, acting, failed};
 use crate::solver::{Capabilities, Fault, Slopes, Solver, StepError, finish, sound};
 use crate::system::System;
 
@@ -59,12 +60,28 @@ pub trait Motion: Send {
         Err(StepError::Refused("this solver has no slopes on a card: take them on the CPU".into()))
     }
 
-    /// [`Solver::back`] of the batch and torques that `held` took over.
+    /// Makes room for the way back over so many frames of the batch, which [`Motion::goes_back`] has admitted.
     ///
     /// # Errors
-    /// As that.
-    fn back(&mut self, _held: &Held, batch: &Batch, _rows: usize, _by_next: &[f64]) -> Result<Slopes, StepError> {
-        self.goes_back(batch).map(|()| Slopes::default())
+    /// If there is not enough memory.
+    fn keep(&mut self, _batch: &Batch, _frames: usize) -> Result<(), StepError> {
+        Ok(())
+    }
+
+    /// See [`Resident::recall`].
+    ///
+    /// # Errors
+    /// If the device fails.
+    fn recall(&self, _held: &Held, _trail: Trail) -> Result<(), DeviceError> {
+        Ok(())
+    }
+
+    /// See [`Resident::back`].
+    ///
+    /// # Errors
+    /// If the device fails.
+    fn back(&self, _held: &Held, _trail: Trail, _back: Back) -> Result<(), DeviceError> {
+        Ok(())
     }
 
     /// Clears what is remembered of an environment.
@@ -93,7 +110,7 @@ pub trait Motion: Send {
     ///
     /// # Errors
     /// If the device fails.
-    fn frame(&mut self, held: &Held) -> Result<(), DeviceError>;
+    fn frame(&self, held: &Held) -> Result<(), DeviceError>;
 }
 
 impl<M: Motion> Resident for OnDevice<M> {
@@ -120,8 +137,21 @@ impl<M: Motion> Resident for OnDevice<M> {
         self.motion.memory()
     }
 
-    fn frame(&mut self) -> Result<(), DeviceError> {
+    fn frame(&self) -> Result<(), DeviceError> {
         self.made.as_ref().map_or(Ok(()), |made| self.motion.frame(&made.held))
+    }
+
+    fn keep(&mut self, batch: &Batch, frames: usize) -> Result<(), StepError> {
+        self.motion.goes_back(batch)?;
+        self.motion.keep(batch, frames)
+    }
+
+    fn recall(&self, trail: Trail) -> Result<(), DeviceError> {
+        self.made.as_ref().map_or(Ok(()), |made| self.motion.recall(&made.held, trail))
+    }
+
+    fn back(&self, trail: Trail, back: Back) -> Result<(), DeviceError> {
+        self.made.as_ref().map_or(Ok(()), |made| self.motion.back(&made.held, trail, back))
     }
 }
 
@@ -153,6 +183,7 @@ struct Made {
     system: Arc<System>,
     reach: Reach,
     held: Held,
+    rows: Option<Rows>,
 }
 
 impl<M: Motion> OnDevice<M> {
@@ -225,7 +256,7 @@ impl<M: Motion> OnDevice<M> {
         self.motion.open(batch, asked)?;
         let Some(device) = self.motion.device() else { return Ok(()) };
         let held = Held::new(device, batch).map_err(failed)?;
-        self.made = Some(Made { system: batch.system.clone(), reach: asked, held });
+        self.made = Some(Made { system: batch.system.clone(), reach: asked, held, rows: None });
         Ok(())
     }
 }
@@ -248,9 +279,15 @@ impl<M: Motion> Solver for OnDevice<M> {
         self.motion.capabilities().admit(batch)?;
         self.motion.check(batch)?;
         self.prepare(batch)?;
-        let Some((Made { held, reach, .. }, device)) = self.made.as_mut().zip(self.motion.device()) else { return Ok(Slopes::default()) };
+        self.motion.keep(batch, 1)?;
+        let Some((Made { held, reach, rows: memory, .. }, device)) = self.made.as_mut().zip(self.motion.device()) else {
+            return Ok(Slopes::default());
+        };
         take(held, device, batch, self.motion.config(), *reach, (torques, batch.system.robot.joint_count()))?;
-        self.motion.back(held, batch, rows, by_next)
+        if !memory.as_ref().is_some_and(|memory| memory.fits(rows)) {
+            *memory = Some(Rows::new(device, batch, rows).map_err(failed)?);
+        }
+        memory.as_ref().map_or(Ok(Slopes::default()), |memory| memory.back(&self.motion, held, batch, by_next))
     }
 
     fn reset(&mut self, env: usize) {

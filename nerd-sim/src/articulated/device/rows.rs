@@ -1,12 +1,11 @@
-//! What goes to the way back's kernel, and comes from it.
+//! Gradients of a batch on their way to a device and back.
 
-use nerd_cuda::Arg::{Int, Ptr};
-use nerd_cuda::{Buffer, Device, DeviceError};
+use nerd_cuda::{Buffer, Device, DeviceError, Replay};
 
 use super::program::fault;
-use super::roll::BLOCK;
+use super::roll::Motion;
 use crate::batch::Batch;
-use crate::solver::device::{Held, failed};
+use crate::solver::device::{Back, Held, Trail, failed};
 use crate::solver::{Fault, Slopes, StepError};
 
 /// Memory for so many gradients of each environment.
@@ -14,24 +13,50 @@ pub(super) struct Rows {
     rows: usize,
     by_next: Buffer<f64>,
     next: Buffer<f64>,
+    faults: Buffer<i32>,
     states: Buffer<f64>,
     torques: Buffer<f64>,
+    replay: Replay<(Trail, Back)>,
 }
 
 impl Rows {
-    /// Nothing yet.
-    pub(super) fn new(device: &Device) -> Result<Self, DeviceError> {
-        let none = || device.zeros(0);
-        Ok(Self { rows: 0, by_next: none()?, next: none()?, states: none()?, torques: none()? })
+    /// For so many of a batch.
+    pub(super) fn new(device: &Device, batch: &Batch, rows: usize) -> Result<Self, DeviceError> {
+        let (n, robot) = (batch.len(), &batch.system.robot);
+        let wide = n * rows * 2 * robot.nv();
+        Ok(Self {
+            rows,
+            by_next: device.zeros(wide)?,
+            next: device.zeros(batch.states.len())?,
+            faults: device.zeros(n)?,
+            states: device.zeros(wide)?,
+            torques: device.zeros(n * rows * robot.joint_count())?,
+            replay: Replay::default(),
+        })
     }
 
-    /// The slopes of what is held, of as many environments every time.
-    pub(super) fn back(&mut self, device: &Device, held: &Held, batch: &Batch, rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
-        let joints = batch.system.robot.joint_count();
-        let mut out =
-            Slopes { next: vec![0.0; batch.states.len()], states: vec![0.0; by_next.len()], torques: vec![0.0; held.n * rows * joints] };
-        let mut faults = vec![0; held.n];
-        self.run(device, held, rows, by_next, &mut out, &mut faults).map_err(failed)?;
+    /// Whether it is for so many.
+    pub(super) fn fits(&self, rows: usize) -> bool {
+        self.rows == rows
+    }
+
+    /// The slopes of what is held.
+    pub(super) fn back(&self, motion: &impl Motion, held: &Held, batch: &Batch, by_next: &[f64]) -> Result<Slopes, StepError> {
+        let Some(device) = motion.device() else { return Ok(Slopes::default()) };
+        let go = || -> Result<(Slopes, Vec<i32>), DeviceError> {
+            device.write(&self.by_next, by_next)?;
+            let trail = Trail { states: held.states.ptr, torques: held.torques.ptr, frames: 1 };
+            let next = [self.next.ptr, self.faults.ptr];
+            let [by_next, by_states, by_torques] = [self.by_next.ptr, self.states.ptr, self.torques.ptr];
+            let back = Back { frame: 0, rows: self.rows, by_next, by_states, by_torques, next };
+            self.replay.run(device, "slopes", (trail, back), || {
+                motion.recall(held, trail)?;
+                motion.back(held, trail, back)
+            })?;
+            let [next, states, torques] = [&self.next, &self.states, &self.torques].map(|of| device.download(of));
+            Ok((Slopes { next: next?, states: states?, torques: torques? }, device.download(&self.faults)?))
+        };
+        let (out, faults) = go().map_err(failed)?;
         let finite = |x: &[f64], env: usize| x[env * x.len() / held.n..(env + 1) * x.len() / held.n].iter().all(|x| x.is_finite());
         let wrong = faults.into_iter().enumerate().filter_map(|(env, code)| {
             let reason = match code {
@@ -43,29 +68,5 @@ impl Rows {
         });
         let wrong: Vec<Fault> = wrong.collect();
         if wrong.is_empty() { Ok(out) } else { Err(StepError::Environments(wrong)) }
-    }
-
-    fn run(
-        &mut self,
-        device: &Device,
-        held: &Held,
-        rows: usize,
-        by_next: &[f64],
-        out: &mut Slopes,
-        faults: &mut [i32],
-    ) -> Result<(), DeviceError> {
-        if self.rows != rows {
-            (self.by_next, self.states) = (device.zeros(by_next.len())?, device.zeros(by_next.len())?);
-            (self.next, self.torques, self.rows) = (device.zeros(out.next.len())?, device.zeros(out.torques.len())?, rows);
-        }
-        device.write(&self.by_next, by_next)?;
-        let given = [&held.states, &held.torques, &held.records].map(|b| Ptr(b.ptr));
-        let found = [&self.by_next, &self.next, &self.states, &self.torques].map(|b| Ptr(b.ptr));
-        let args = [&given[..], &[Ptr(held.scene_of.ptr)], &found, &[Ptr(held.faults.ptr), Int(held.n), Int(rows)]].concat();
-        device.launch("slopes", (held.n.div_ceil(BLOCK), rows), (BLOCK, 1), 0, &args)?;
-        device.read(&self.next, &mut out.next)?;
-        device.read(&self.states, &mut out.states)?;
-        device.read(&self.torques, &mut out.torques)?;
-        device.read(&held.faults, faults)
     }
 }

@@ -6,11 +6,10 @@ use nerd_cuda::{Device, DeviceError};
 use super::back::{back_program, goes_back};
 use super::program::{Reach, Real, program};
 use super::roll::{BLOCK, Motion, OnDevice};
-use super::rows::Rows;
 use crate::articulated::config::ArticulatedConfig;
 use crate::batch::Batch;
-use crate::solver::device::{Held, failed};
-use crate::solver::{Capabilities, Slopes, StepError};
+use crate::solver::device::{Back, Held, Trail, failed};
+use crate::solver::{Capabilities, StepError};
 
 /// [`super::super::Articulated`] on a GPU, one thread an environment: the same frame, the same settings, any robot.
 ///
@@ -25,14 +24,14 @@ pub struct Whole {
     device: Option<Device>,
     /// What its kernels were made for.
     reach: Reach,
-    /// Of its way back, once that is asked for.
-    rows: Option<Rows>,
+    /// Whether its way back has been made.
+    returns: bool,
 }
 
 impl CudaArticulated {
     /// A solver with these settings; the device is opened at its first step.
     pub fn new(config: ArticulatedConfig, real: Real) -> Self {
-        Self::by(Whole { config, real, device: None, reach: Reach::default(), rows: None })
+        Self::by(Whole { config, real, device: None, reach: Reach::default(), returns: false })
     }
 }
 
@@ -50,7 +49,7 @@ impl Motion for Whole {
     }
 
     fn open(&mut self, batch: &Batch, reach: Reach) -> Result<(), StepError> {
-        (self.device, self.reach, self.rows) = (None, reach, None);
+        (self.device, self.reach, self.returns) = (None, reach, false);
         let text = program(&batch.system, &self.config, self.real, reach);
         self.device = Some(Device::open(nerd_cuda::ordinal(), &text, &["advance"]).map_err(failed)?);
         Ok(())
@@ -68,20 +67,25 @@ impl Motion for Whole {
         goes_back(&self.config, batch)
     }
 
-    fn back(&mut self, held: &Held, batch: &Batch, rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
-        let Some(device) = &mut self.device else { return Ok(Slopes::default()) };
-        let memory = match &mut self.rows {
-            Some(rows) => rows,
-            none => {
-                let text = back_program(&batch.system, &self.config, self.real, self.reach);
-                device.add(&text, &["slopes"]).map_err(failed)?;
-                none.insert(Rows::new(device).map_err(failed)?)
-            }
-        };
-        memory.back(device, held, batch, rows, by_next)
+    fn keep(&mut self, batch: &Batch, _: usize) -> Result<(), StepError> {
+        if let Some(device) = self.device.as_mut().filter(|_| !self.returns) {
+            let text = back_program(&batch.system, &self.config, self.real, self.reach);
+            device.add(&text, &["slopes"]).map_err(failed)?;
+            self.returns = true;
+        }
+        Ok(())
     }
 
-    fn frame(&mut self, held: &Held) -> Result<(), DeviceError> {
+    fn back(&self, held: &Held, trail: Trail, back: Back) -> Result<(), DeviceError> {
+        let Some(device) = &self.device else { return Ok(()) };
+        let at = |of: u64, all: usize| of + (8 * all * back.frame) as u64;
+        let given = [at(trail.states, held.states.len), at(trail.torques, held.n * held.joints), held.records.ptr, held.scene_of.ptr];
+        let found = [back.by_next, back.next[0], back.by_states, back.by_torques, back.next[1]];
+        let args = [&given.map(Ptr)[..], &found.map(Ptr), &[Int(held.n), Int(back.rows)]].concat();
+        device.launch("slopes", (held.n.div_ceil(BLOCK), back.rows), (BLOCK, 1), 0, &args)
+    }
+
+    fn frame(&self, held: &Held) -> Result<(), DeviceError> {
         self.launch(held, 1, true)
     }
 }

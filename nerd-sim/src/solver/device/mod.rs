@@ -27,13 +27,52 @@ pub trait Resident {
     fn memory(&self) -> u64;
 
     /// One frame of what is held, on the device's main stream. Environments whose fault is not 0 may stay as they are.
-    fn frame(&mut self) -> Result<(), DeviceError>;
+    fn frame(&self) -> Result<(), DeviceError>;
+
+    /// Makes room for the way back over so many frames of what is held; refuses what has none.
+    fn keep(&mut self, batch: &Batch, frames: usize) -> Result<(), StepError>;
+
+    /// Finds, on the device's main stream, what the way back over these frames needs of all of them, for as many as there is room for.
+    fn recall(&self, trail: Trail) -> Result<(), DeviceError>;
+
+    /// Goes back over one of them.
+    fn back(&self, trail: Trail, back: Back) -> Result<(), DeviceError>;
+}
+
+/// Frames on a device, one after the other: addresses of the states before them and of the torques in them, `[frame][env]`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Trail {
+    /// `[q, qd]`, f64.
+    pub states: u64,
+    /// f64.
+    pub torques: u64,
+    /// Frames.
+    pub frames: usize,
+}
+
+/// A way back over one frame of a [`Trail`]: addresses of gradients `[env][row]`, f64.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Back {
+    /// Which frame.
+    pub frame: usize,
+    /// Gradients of each environment.
+    pub rows: usize,
+    /// By the next states, in their tangent space.
+    pub by_next: u64,
+    /// Where those by states go; may be the same place. Zeros where an environment's frame cannot be made.
+    pub by_states: u64,
+    /// Where those by torques go.
+    pub by_torques: u64,
+    /// Where the next states go, and as i32 why there are none; or 0.
+    pub next: [u64; 2],
 }
 
 /// Memory for so many environments, and the scenes that the device knows.
 pub struct Held {
     /// Environments.
     pub n: usize,
+    /// Joints of each.
+    pub joints: usize,
     /// `[env][q, qd]`.
     pub states: Buffer<f64>,
     /// Five numbers a joint, where there are drives.
@@ -60,6 +99,7 @@ impl Held {
         let (n, robot) = (batch.len(), &batch.system.robot);
         Ok(Self {
             n,
+            joints: robot.joint_count(),
             states: device.zeros(n * robot.state_dim())?,
             drives: device.zeros(5 * batch.drives.len())?,
             torques: device.zeros(n * robot.joint_count())?,

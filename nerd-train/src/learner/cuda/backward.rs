@@ -6,6 +6,7 @@
 //! H100).
 
 use std::collections::VecDeque;
+use std::ops::Range;
 
 use nerd_cuda::Op as Operand;
 
@@ -34,7 +35,11 @@ struct Gradient {
 struct Walk<'a> {
     net: &'a Network,
     back: &'a BackwardMemory,
+    /// The first of the rows, and how many.
+    first: usize,
     rows: usize,
+    /// Where gradients by parameters go, if they are asked for.
+    to: Option<u64>,
     slopes: Vec<Option<Slope>>,
     free: VecDeque<usize>,
     /// By buffer, whether the side stream reads it.
@@ -44,19 +49,22 @@ struct Walk<'a> {
 }
 
 impl Network {
-    /// The gradient by the parameters at `w`, to `g`, from that by the predictions in `targets`, after [`Network::forward`] of so many rows;
-    /// that by tokens `[rows][T][inputs]` too, if it is to go somewhere. What no step reads keeps the gradient that it has.
-    pub fn backward(&self, w: u64, g: u64, rows: usize, by_tokens: Option<u64>) -> Result<(), DeviceError> {
+    /// From the gradient by the predictions in `targets`, after [`Network::forward`] of at least these rows, to those by the parameters at `w`
+    /// and by tokens `[rows][T][inputs]`, if they are to go somewhere. What no step reads keeps the gradient that it has. Rows that are not
+    /// the first begin where four numbers of every slot do.
+    pub fn backward(&self, w: u64, to: Option<u64>, rows: Range<usize>, by_tokens: Option<u64>) -> Result<(), DeviceError> {
         let Some(back) = &self.back else { return Err(DeviceError("the network was built without a backward pass".into())) };
         let buffers = back.buffers.borrow().len();
         let slopes = vec![None; self.plan.program.widths.len()];
         let (free, read) = ((0..buffers).collect(), vec![false; buffers]);
-        let mut walk = Walk { net: self, back, rows, slopes, free, read, waiting: Vec::new() };
-        walk.slopes[self.plan.program.predictions().0] = Some(Slope { at: self.targets.ptr, buffer: None });
+        let mut walk = Walk { net: self, back, first: rows.start, rows: rows.len(), to, slopes, free, read, waiting: Vec::new() };
+        let upstream = self.targets.at(rows.start * self.plan.tokens * self.plan.outputs());
+        walk.slopes[self.plan.program.predictions().0] = Some(Slope { at: upstream, buffer: None });
         walk.slopes[0] = by_tokens.map(|at| Slope { at, buffer: None });
         for i in (0..self.plan.parts.len()).rev() {
-            walk.part(i, w, g)?;
+            walk.part(i, w)?;
         }
+        let Some(g) = to else { return Ok(()) };
         walk.give()?;
         self.device.mark(Lane::Side, &back.join)?;
         self.device.after(Lane::Main, &back.join)?;
@@ -65,15 +73,22 @@ impl Network {
 }
 
 impl Walk<'_> {
-    fn part(&mut self, i: usize, w: u64, g: u64) -> Result<(), DeviceError> {
+    /// Address of a slot's values in the first of the rows.
+    fn at(&self, slot: Slot) -> u64 {
+        self.net.at(slot) + 4 * (self.first * self.net.plan.tokens * self.net.plan.width(slot)) as u64
+    }
+
+    fn part(&mut self, i: usize, w: u64) -> Result<(), DeviceError> {
         let (net, plan) = (self.net, &self.net.plan);
         let n = self.rows * plan.tokens;
         match plan.parts[i] {
             Part::Linear { from, to, weight, folded, add } => {
                 let (dy, size) = (self.slope(to)?, Size { rows: n, inner: plan.program.width(from), columns: plan.width(to) });
-                self.gradient(Gradient { x: (net.at(from), plan.width(from)), dy, to: net.tensor(g, weight), size });
-                if !add {
-                    self.give()?;
+                if let Some(g) = self.to {
+                    self.gradient(Gradient { x: (self.at(from), plan.width(from)), dy, to: net.tensor(g, weight), size });
+                    if !add {
+                        self.give()?;
+                    }
                 }
                 let matrix = net.matrix(w, weight, folded);
                 if from == Slot(0) {
@@ -93,6 +108,7 @@ impl Walk<'_> {
                 Ok(())
             }
             Part::Shift { slot, bias, positions, .. } => {
+                let Some(g) = self.to else { return Ok(()) };
                 let gradient = |weight| net.tensor(g, weight);
                 net.sum_rows(self.slope(slot)?.at, self.rows, plan.width(slot), bias.map(gradient), positions.map(gradient))
             }
@@ -113,7 +129,7 @@ impl Walk<'_> {
             // Its upstream gradient is not read.
             self.settle(dy)?;
             (self.slopes[to.0], self.slopes[from.0]) = (None, Some(dy));
-            let args = [Ptr(net.at(from)), Ptr(bias), Ptr(dy.at), Int(width), Long(quads as u64)];
+            let args = [Ptr(self.at(from)), Ptr(bias), Ptr(dy.at), Int(width), Long(quads as u64)];
             return net.launch_each(activation_kernels(f)[1], quads, &args);
         }
         let before = self.slopes[from.0];
@@ -121,12 +137,13 @@ impl Walk<'_> {
         match op {
             Op::Norm => {
                 let earlier = before.map_or(0, |slope| slope.at);
-                let args = [Ptr(dy.at), Ptr(net.at(to)), Ptr(net.saved[i].ptr), Ptr(earlier), Ptr(dx.at), Int(n)];
+                let saved = net.saved[i].at(self.first * plan.tokens);
+                let args = [Ptr(dy.at), Ptr(self.at(to)), Ptr(saved), Ptr(earlier), Ptr(dx.at), Int(n)];
                 d.launch("norm_backward", (n.div_ceil(8), 1), (256, 1), 0, &args)?;
                 self.free.extend(before.and_then(|slope| slope.buffer));
             }
             Op::Attend { .. } => {
-                let back = |a: Attention| a.backward(d, self.rows, net.at(from), dy.at, dx.at, net.rotations.ptr);
+                let back = |a: Attention| a.backward(d, self.rows, self.at(from), dy.at, dx.at, net.rotations.ptr);
                 plan.attention.map_or(Ok(()), back)?;
             }
             Op::Neighbours(apart) => {
@@ -135,7 +152,7 @@ impl Walk<'_> {
             }
             Op::Gate => {
                 let quads = n * width / 8;
-                let args = [Ptr(net.at(from)), Ptr(dy.at), Ptr(dx.at), Int(width / 2), Long(quads as u64)];
+                let args = [Ptr(self.at(from)), Ptr(dy.at), Ptr(dx.at), Int(width / 2), Long(quads as u64)];
                 net.launch_each("gate_backward", quads, &args)?;
             }
             Op::Linear { .. } | Op::Place(_) | Op::Activate(_) => {}

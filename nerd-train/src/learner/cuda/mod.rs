@@ -36,7 +36,6 @@ pub(crate) use optimiser::Optimiser;
 pub(crate) use plan::Plan;
 pub use program::CudaProgram;
 pub use resident::{Frames, resident};
-pub use slopes::CudaSlopes;
 pub use stream::CudaStream;
 pub use trainer::CudaLearner;
 pub(crate) use trainer::joined;

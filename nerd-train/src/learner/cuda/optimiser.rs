@@ -89,7 +89,7 @@ impl Optimiser {
         let hidden = Ptr(self.muon.as_ref().map_or(0, |muon| muon.entries.ptr));
         let factors = Ptr(self.scalars.ptr + offset_of!(Scalars, scale) as u64);
         let bad = Ptr(self.scalars.ptr + offset_of!(Scalars, bad_step) as u64);
-        d.launch("adam", (p.div_ceil(256), 1), (256, 1), 0, &[w, g, m, v, a, factors, bad, Long(p as u64), hidden, beta])?;
+        d.launch("adam", (p.div_ceil(256), 1), (256, 1), 0, &[w, g, m, v, a, factors, bad, Long(p as u64), hidden, Double(0.9), beta])?;
         let vectors = [&self.weights, &self.gradients, &self.m, &self.average].map(|b| b.ptr);
         self.muon.as_ref().map_or(Ok(()), |muon| Ok(muon.update(d, vectors, self.scalars.ptr)?))
     }

@@ -53,7 +53,7 @@ impl CudaProgram {
     pub fn backward(&mut self, upstream: &[f32]) -> Result<(Vec<f32>, Vec<f32>), LearnError> {
         let (net, w) = (&self.network, self.weights.ptr);
         net.device.write(&net.targets, upstream)?;
-        net.backward(w, self.gradients.ptr, net.rows, Some(self.by_tokens.ptr))?;
+        net.backward(w, Some(self.gradients.ptr), 0..net.rows, Some(self.by_tokens.ptr))?;
         Ok((net.device.download(&self.gradients)?, net.device.download(&self.by_tokens)?))
     }
 }

@@ -3,8 +3,9 @@
 
 use nerd_model::chain::{Chain, ChainSolver, OUTPUTS, chain_program, numbers};
 use nerd_model::device::{LANES, program, settings};
-use nerd_sim::articulated::device::{BLOCK, Held, Motion, OnDevice, Reach, Real, failed};
+use nerd_sim::articulated::device::{BLOCK, Back, Held, Motion, OnDevice, Reach, Real, Trail, failed};
 
+use super::slopes::{FramesBack, goes_back};
 use super::*;
 
 /// A model's frames: a kernel for what it sees, its network, a kernel for what follows.
@@ -22,6 +23,8 @@ struct Made {
     engine: Engine,
     hold: Buffer<u32>,
     replay: Replay<[u64; 2]>,
+    /// The way back, once that is asked for.
+    back: Option<FramesBack>,
     /// The frame that each environment's next token must be of, to follow on those that are remembered.
     next: Vec<u64>,
 }
@@ -91,7 +94,7 @@ impl Motion for Frames {
             }
         };
         let hold = engine.network().device.zeros(1).map_err(failed)?;
-        self.made = Some(Made { engine, hold, replay: Replay::default(), next: vec![u64::MAX; envs] });
+        self.made = Some(Made { engine, hold, replay: Replay::default(), back: None, next: vec![u64::MAX; envs] });
         Ok(())
     }
 
@@ -123,8 +126,29 @@ impl Motion for Frames {
         }
     }
 
-    fn frame(&mut self, held: &Held) -> Result<(), DeviceError> {
+    fn frame(&self, held: &Held) -> Result<(), DeviceError> {
         self.made.as_ref().map_or(Ok(()), |made| made.go(held))
+    }
+
+    fn goes_back(&self, _: &Batch) -> Result<(), StepError> {
+        goes_back(&self.model)
+    }
+
+    fn keep(&mut self, batch: &Batch, frames: usize) -> Result<(), StepError> {
+        let Some(made) = &mut self.made else { return Ok(()) };
+        let back = match made.back.take().filter(|back| back.fits(frames)) {
+            Some(back) => back,
+            None => FramesBack::new(&self.model, batch, frames)?,
+        };
+        made.back.insert(back).join(&made.engine.network().device).map_err(failed)
+    }
+
+    fn recall(&self, held: &Held, trail: Trail) -> Result<(), DeviceError> {
+        self.made.iter().flat_map(|made| &made.back).try_for_each(|back| back.recall(held, trail))
+    }
+
+    fn back(&self, held: &Held, trail: Trail, back: Back) -> Result<(), DeviceError> {
+        self.made.iter().flat_map(|made| &made.back).try_for_each(|all| all.back(held, trail, back))
     }
 
     fn remembers(&self) -> bool {

@@ -105,7 +105,7 @@ impl CudaLearner {
         net.fold(w)?;
         net.forward(w, rows)?;
         net.loss(rows * net.plan.tokens, batch * net.plan.tokens, huber, g)?;
-        Ok(net.backward(w, g, rows, None)?)
+        Ok(net.backward(w, Some(g), 0..rows, None)?)
     }
 
     /// Fills the network's inputs and targets with `rows` windows.

@@ -10,9 +10,10 @@ extern "C" __global__ void normalize(const double* rows, const double* mean, con
 }
 
 // What the policy does where it has `said` mean, value and, by state, spread; else that is a parameter. Number i of all actions, row `first` being
-// the first one here, has the i-th number of the noise, which comes in twos (Box and Muller) of four words each. Values are in units of reward.
-extern "C" __global__ void act(const float* said, const float* parameter, u64 key0, u64 key1, u64 key2, u64 key3, u64 stream, double mean,
-                               double scale, float* means, float* spreads, float* actions, float* surprise, double* values, float* kept,
+// the first one here, has the i-th number of the noise, stream `later` after `*stream`, which comes in twos (Box and Muller) of four words each.
+// Values are in units of reward: mean and scale.
+extern "C" __global__ void act(const float* said, const float* parameter, u64 key0, u64 key1, u64 key2, u64 key3, const u64* stream, u64 later,
+                               const double* units, float* means, float* spreads, float* actions, float* surprise, double* values, float* kept,
                                int rows, int a, int outputs, u64 first) {
     const u64 row = INDEX;
     if (row >= rows) return;
@@ -23,7 +24,7 @@ extern "C" __global__ void act(const float* said, const float* parameter, u64 ke
     float sum = 0;
     for (int k = 0; k < a; k++) {
         const u64 i = row * a + k, number = (first + row) * a + k, two = number / 2;
-        if (two / 4 != known) chacha8(key, known = two / 4, stream, words);
+        if (two / 4 != known) chacha8(key, known = two / 4, *stream + later, words);
         const double u = 1.0 - unit(words + two % 4 * 4), v = unit(words + two % 4 * 4 + 2);
         const double radius = sqrt(-2.0 * log(u)), angle = 6.283185307179586 * v;
         const float drawn = mu[k] + expf(s[k]) * (float)(radius * (number % 2 ? sin(angle) : cos(angle)));
@@ -35,14 +36,24 @@ extern "C" __global__ void act(const float* said, const float* parameter, u64 ke
         kept[i] = (float)within(drawn, 1.0);
     }
     surprise[row] = sum;
-    values[row] = (double)mu[a] * scale + mean;
+    values[row] = (double)mu[a] * units[1] + units[0];
 }
 
 // Values of rows to where `which` says, or in order; rows that go nowhere are none (-1).
-extern "C" __global__ void value(const float* said, const unsigned* which, double mean, double scale, double* values, int rows, int a,
-                                 int outputs) {
+extern "C" __global__ void value(const float* said, const unsigned* which, const double* units, double* values, int rows, int a, int outputs) {
     const u64 row = INDEX;
-    if (row < rows && (!which || which[row] != 0xffffffffu)) values[which ? which[row] : row] = (double)said[row * outputs + a] * scale + mean;
+    if (row < rows && (!which || which[row] != 0xffffffffu)) values[which ? which[row] : row] = (double)said[row * outputs + a] * units[1] + units[0];
+}
+
+// Where values go of what was reached after the last step and, `n` rows after each other, where time ran out: after those of the steps, and after these
+// by step. Rows that nothing was written to go nowhere.
+extern "C" __global__ void reached(const unsigned char* ends, unsigned* which, int n, int horizon, int slots) {
+    const u64 env = INDEX;
+    if (env >= n) return;
+    which[env] = horizon * n + env;
+    for (int slot = 1; slot <= slots; slot++) which[slot * n + env] = 0xffffffffu;
+    for (int t = 0, slot = 0; t < horizon; t++)
+        if (ends[t * n + env] == 2) which[++slot * n + env] = (horizon + 1 + t) * n + env;
 }
 
 // Advantages and returns (gae.rs) by environment; 1 ended in a terminal state, 2 where time ran out, and what was reached is worth `cut`.

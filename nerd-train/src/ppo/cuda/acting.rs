@@ -9,30 +9,31 @@ fn units(policy: &Policy) -> [f64; 2] {
 }
 
 impl CudaEngine {
-    /// Begins a rollout of a policy.
-    pub(super) fn take(&mut self, policy: &Policy) -> Result<(), DeviceError> {
+    /// Begins a rollout of a policy, whose first step has this noise.
+    pub(super) fn take(&mut self, policy: &Policy, noise: StreamKey) -> Result<(), DeviceError> {
         let inverse: Vec<f64> = (0..policy.seen.mean.len()).map(|k| policy.seen.scale(k).recip()).collect();
         self.net.device.write(&self.weights, &policy.flat)?;
         self.net.device.write(&self.kept.seen[0], &policy.seen.mean)?;
         self.net.device.write(&self.kept.seen[1], &inverse)?;
-        (self.kept.step, self.kept.returns) = (0, units(policy));
+        self.net.device.write(&self.kept.units, &units(policy))?;
+        self.net.device.write(&self.kept.noise, &[noise.number])?;
+        self.kept.step = 0;
         Ok(())
     }
 
-    /// The network where so many rows on the device are seen.
-    pub(super) fn ask(&self, rows: u64, inputs: u64, count: usize) -> Result<(), DeviceError> {
+    /// The network of these weights where so many rows on the device are seen, which go to `inputs` normalised.
+    pub(super) fn ask(&self, weights: u64, rows: u64, inputs: u64, count: usize) -> Result<(), DeviceError> {
         let (width, [mean, inverse]) = (self.shape.inputs(), &self.kept.seen);
         let args = [rows, mean.ptr, inverse.ptr, inputs].map(Ptr);
         let sizes = [Long((count * width) as u64), Int(width), Int(self.net.plan.padded)];
         self.over("normalize", count * width, &[&args[..], &sizes].concat())?;
-        self.net.forward_from(inputs, self.weights.ptr, count)
+        self.net.forward_from(inputs, weights, count)
     }
 
     /// Values of the rows last asked about, to where `which` says.
     pub(super) fn value(&self, which: u64, to: u64, count: usize) -> Result<(), DeviceError> {
-        let [mean, scale] = self.kept.returns.map(Double);
         let sizes = [count, self.shape.action, self.shape.outputs()].map(Int);
-        self.over("value", count, &[&[Ptr(self.said()), Ptr(which), mean, scale, Ptr(to)][..], &sizes].concat())
+        self.over("value", count, &[&[self.said(), which, self.kept.units.ptr, to].map(Ptr)[..], &sizes].concat())
     }
 
     /// Refuses what there is no memory for.
@@ -44,29 +45,37 @@ impl CudaEngine {
         Ok(())
     }
 
-    /// Draws the actions of step t of a rollout, whose observations are there.
-    pub(super) fn drawn(&self, t: usize, noise: StreamKey) -> Result<(), DeviceError> {
+    /// Draws the actions of step t of a rollout, whose observations are there, with noise so many streams after the first.
+    pub(super) fn drawn(&self, t: usize, (noise, later): (StreamKey, usize)) -> Result<(), DeviceError> {
         let (n, width, a) = (self.kept.environments, self.shape.inputs(), self.shape.action);
         let first = t * n;
-        self.ask(self.kept.observations.at(first * width), self.steps.inputs.at(first * self.net.plan.padded), n)?;
+        self.ask(self.weights.ptr, self.kept.observations.at(first * width), self.steps.inputs.at(first * self.net.plan.padded), n)?;
         let Steps { surprise, actions, means, spreads, .. } = &self.steps;
         let written = [means.at(first * a), spreads.at(first * a), actions.at(first * a), surprise.at(first)];
         let read = [self.said(), self.parameter()].map(Ptr);
-        let [key0, key1, key2, key3] = key(&noise.rng());
-        let noise = [key0, key1, key2, key3, noise.number].map(Long);
-        let (units, kept) = (self.kept.returns.map(Double), [self.kept.values.at(first), self.kept.actions.ptr].map(Ptr));
+        let (key, noise) = (key(&noise.rng()).map(Long), [Ptr(self.kept.noise.ptr), Long(later as u64), Ptr(self.kept.units.ptr)]);
+        let kept = [self.kept.values.at(first), self.kept.actions.ptr].map(Ptr);
         let (sizes, own) = ([n, a, self.shape.outputs()].map(Int), [Long(self.team.part.start as u64)]);
-        self.over("act", n, &[&read[..], &noise, &units, &written.map(Ptr), &kept, &sizes, &own].concat())
+        self.over("act", n, &[&read[..], &key, &noise, &written.map(Ptr), &kept, &sizes, &own].concat())
     }
 
-    /// Advantages and returns of a rollout that is there, the rows where it ends too.
+    /// Values, by these weights, of what the last step reached, and of what was where time ran out in a rollout on the device.
+    pub(super) fn reached(&self, weights: u64) -> Result<(), DeviceError> {
+        let Kept { environments: n, horizon, slots, rows, inputs, which, ends, .. } = &self.kept;
+        self.over("reached", *n, &[Ptr(ends.ptr), Ptr(which.ptr), Int(*n), Int(*horizon), Int(*slots)])?;
+        let (width, padded, most) = (self.shape.inputs(), self.net.plan.padded, self.net.rows / n * n);
+        (0..(1 + slots) * n).step_by(most).try_for_each(|first| {
+            let count = most.min((1 + slots) * n - first);
+            self.ask(weights, rows.at(first * width), inputs.at(first * padded), count)?;
+            self.value(which.at(first), self.kept.values.ptr, count)
+        })
+    }
+
+    /// Advantages and returns of a rollout whose values are there.
     pub(super) fn finished(&self, config: &PpoConfig) -> Result<(), DeviceError> {
-        let Kept { environments: n, horizon, rewards, ends, values, cut, both, .. } = &self.kept;
-        let (n, horizon) = (*n, *horizon);
-        self.ask(self.kept.rows.ptr, self.kept.inputs.ptr, n)?;
-        self.value(0, self.kept.values.at(horizon * n), n)?;
-        let all = [rewards.ptr, ends.ptr, values.ptr, cut.ptr, both.ptr].map(Ptr);
-        self.over("gae", n, &[&all[..], &[Int(n), Int(horizon), Double(config.gamma), Double(config.lambda)]].concat())
+        let Kept { environments: n, horizon, rewards, ends, values, both, .. } = &self.kept;
+        let all = [rewards.ptr, ends.ptr, values.ptr, self.kept.cut(0), both.ptr].map(Ptr);
+        self.over("gae", *n, &[&all[..], &[Int(*n), Int(*horizon), Double(config.gamma), Double(config.lambda)]].concat())
     }
 
     /// Moments of columns over all steps.
@@ -84,8 +93,8 @@ impl CudaEngine {
         Ok(self.team.pool(RunningMoments { mean, variance, count: n as f64 })?)
     }
 
-    /// Takes the returns into their moments, and makes of the rollout what the loss asks for.
-    pub(super) fn goals(&self, policy: &mut Policy) -> Result<()> {
+    /// Takes the returns into their moments, and makes of the rollout what the loss asks for; advantages are nothing if they do not count.
+    pub(super) fn goals(&self, policy: &mut Policy, advantages: bool) -> Result<()> {
         let n = self.kept.horizon * self.kept.environments;
         // Of advantages and of returns.
         let RunningMoments { mean, variance, count } = self.moments_of(self.kept.both.ptr, 2)?;
@@ -93,7 +102,8 @@ impl CudaEngine {
         let said = units(policy);
         policy.returns.absorb(&RunningMoments { mean: vec![mean[1]], variance: vec![variance[1]], count });
         let [goal, goal_scale] = units(policy);
-        let laws = [mean[0], variance[0].sqrt() + 1e-8, goal, goal_scale, said[0], said[1]].map(Double);
+        let deviation = if advantages { variance[0].sqrt() + 1e-8 } else { f64::INFINITY };
+        let laws = [mean[0], deviation, goal, goal_scale, said[0], said[1]].map(Double);
         let Steps { advantages, goals, values, .. } = &self.steps;
         let read = [Ptr(self.kept.both.ptr), Ptr(self.kept.values.ptr), Long(n as u64)];
         Ok(self.over("goals", n, &[&read[..], &laws, &[advantages.ptr, goals.ptr, values.ptr].map(Ptr)].concat())?)

@@ -5,21 +5,43 @@ use nerd_tasks::{Episodes, Snapshot};
 
 use super::memory::Kept;
 use super::world::World;
-use super::{CudaEngine, own, sizes};
-use crate::error::{Result, refuse};
+use super::{CudaEngine, Orders, own, sizes};
+use crate::error::{Error, Result, refuse};
 use crate::ppo::update::{self, Adam, Updated};
 use crate::ppo::{Engine, Policy, PpoConfig, Running, StreamKey, Taken, Turns};
 
 impl CudaEngine {
+    /// The order of each pass of an update, as it is drawn.
+    pub(super) fn orders(&mut self, config: &PpoConfig, key: StreamKey) -> Result<Orders> {
+        let found = sizes(config);
+        if found != self.sizes {
+            refuse!("memory was made for {:?} steps of an iteration and of a minibatch, not for {found:?}", self.sizes);
+        }
+        if self.orders.as_ref().is_none_or(|(known, asked, _)| known != config || *asked != key) {
+            self.ahead(config, key);
+        }
+        match self.orders.take() {
+            Some((_, _, orders)) => Ok(orders),
+            None => refuse!("no orders were drawn"),
+        }
+    }
+
     /// The episodes as a world on the device of their solver, taken out; none where they cannot be, with a line that says why.
-    fn world(&mut self, episodes: &mut Episodes) -> Result<Option<World>, StepError> {
-        if !self.steps_episodes {
-            return Ok(None);
+    pub(super) fn world(&mut self, episodes: &mut Episodes) -> Result<Option<World>> {
+        let world = match self.world.take() {
+            Some(known) => known,
+            None if self.steps_episodes => self.made(episodes)?,
+            None => None,
+        };
+        let others = self.team.exchange(vec![u64::from(world.is_some())])?;
+        if others.iter().any(|other| *other != others[0]) {
+            refuse!("some ranks have their episodes on the card, others do not: give all of them cards with as much free memory");
         }
-        if let Some(known) = self.world.take() {
-            return Ok(known);
-        }
-        match World::new(episodes) {
+        Ok(world)
+    }
+
+    fn made(&self, episodes: &mut Episodes) -> Result<Option<World>, StepError> {
+        match World::new(episodes, &self.net.device, self.returns.then_some(self.kept.horizon)) {
             Err(StepError::Refused(why)) => {
                 tell!("{why}; what is seen goes to the card once a step, and actions come back");
                 Ok(None)
@@ -41,18 +63,20 @@ impl Turns for CudaEngine {
         noise: StreamKey,
     ) -> Result<Option<Taken>> {
         let mut world = self.world(episodes)?;
-        let others = self.team.exchange(vec![u64::from(world.is_some())])?;
-        if others.iter().any(|other| *other != others[0]) {
-            refuse!("some ranks have their episodes on the card, others do not: give all of them cards with as much free memory");
-        }
         let both = world.as_mut().zip(episodes.simulation.solver.resident());
-        let taken = both.map(|both| self.stay(both, running, policy, config, noise)).transpose()?;
+        let taken = both.map(|(world, resident)| {
+            let taken = self.stay((world, resident), running, policy, config, noise)?;
+            self.reached(self.weights.ptr)?;
+            self.finished(config)?;
+            Ok::<_, Error>(taken)
+        });
+        let taken = taken.transpose()?;
         self.world = Some(world);
         Ok(taken)
     }
 
     fn begin(&mut self, policy: &Policy) -> Result<()> {
-        Ok(self.take(policy)?)
+        Ok(self.take(policy, StreamKey { seed: 0, number: 0 })?)
     }
 
     fn act(&mut self, rows: &[f64], noise: StreamKey, actions: &mut Vec<f64>) -> Result<()> {
@@ -60,7 +84,8 @@ impl Turns for CudaEngine {
         let (width, a) = (self.shape.inputs(), self.shape.action);
         self.fits("rows", rows.len() == n * width && step < horizon)?;
         self.net.device.write_at(&self.kept.observations, step * n * width, rows)?;
-        self.drawn(step, noise)?;
+        self.net.device.write(&self.kept.noise, &[noise.number])?;
+        self.drawn(step, (noise, 0))?;
         let mut kept = vec![0f32; n * a];
         self.net.device.read(&self.kept.actions, &mut kept)?;
         actions.clear();
@@ -76,8 +101,8 @@ impl Turns for CudaEngine {
         if !cut.is_empty() {
             self.net.device.write(&self.kept.rows, reached)?;
             self.net.device.write(&self.kept.which, &cut)?;
-            self.ask(self.kept.rows.ptr, self.kept.inputs.ptr, cut.len())?;
-            self.value(self.kept.which.ptr, self.kept.cut.at(step * n), cut.len())?;
+            self.ask(self.weights.ptr, self.kept.rows.ptr, self.kept.inputs.ptr, cut.len())?;
+            self.value(self.kept.which.ptr, self.kept.cut(step), cut.len())?;
         }
         self.kept.step += 1;
         Ok(())
@@ -90,6 +115,8 @@ impl Turns for CudaEngine {
         self.net.device.write(&self.kept.rows, rows)?;
         self.net.device.write(&self.kept.rewards, rewards)?;
         self.net.device.write(&self.kept.ends, ends)?;
+        self.ask(self.weights.ptr, self.kept.rows.ptr, self.kept.inputs.ptr, n)?;
+        self.value(0, self.kept.values.at(horizon * n), n)?;
         Ok(self.finished(config)?)
     }
 }
@@ -119,16 +146,14 @@ impl Engine for CudaEngine {
     }
 
     fn update(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, key: StreamKey) -> Result<Updated> {
-        let found = sizes(config);
-        if found != self.sizes {
-            refuse!("memory was made for {:?} steps of an iteration and of a minibatch, not for {found:?}", self.sizes);
-        }
-        if self.orders.as_ref().is_none_or(|(known, asked, _)| known != config || *asked != key) {
-            self.ahead(config, key);
-        }
-        self.goals(policy)?;
-        let Some((_, _, orders)) = self.orders.take() else { refuse!("no orders were drawn") };
-        let updated = self.passes(policy, adam, config, orders.into_iter())?;
+        let orders = self.orders(config, key)?;
+        self.goals(policy, true)?;
+        self.net.device.write(&self.moments[0], &adam.m)?;
+        self.net.device.write(&self.moments[1], &adam.v)?;
+        let updated = self.passes(adam, config, orders.into_iter())?;
+        self.net.device.read(&self.weights, &mut policy.flat)?;
+        self.net.device.read(&self.moments[0], &mut adam.m)?;
+        self.net.device.read(&self.moments[1], &mut adam.v)?;
         self.seen(policy)?;
         Ok(updated)
     }

@@ -111,7 +111,7 @@ extern "C" __global__ void squares(const float* g, u64 n, double* partial) {
 
 // One block of 7 warps: the six terms and the gradient's norm; the factors of Adam, then the learning rate of the next minibatch.
 extern "C" __global__ void ppo_finish(const double* partial, int blocks, const double* squares, int count, int rows, float most, double kl,
-                                  PassState* s) {
+                                  double beta, double beta2, PassState* s) {
     __shared__ double means[7];
     const int warp = threadIdx.x / 32, lane = threadIdx.x % 32;
     double sum = 0;
@@ -124,8 +124,8 @@ extern "C" __global__ void ppo_finish(const double* partial, int blocks, const d
     const float found = (float)means[6];
     s->scale = fminf(most / (found + 1e-6f), 1.0f);
     s->step += 1;
-    s->used = (float)(s->rate / (1.0 - pow(0.9, (double)s->step)));
-    s->root = (float)(1.0 / sqrt(1.0 - pow(0.999, (double)s->step)));
+    s->used = (float)(s->rate / (1.0 - pow(beta, (double)s->step)));
+    s->root = (float)(1.0 / sqrt(1.0 - pow(beta2, (double)s->step)));
     s->norms += found;
     s->batches += 1;
     for (int k = 0; k < 6; k++) s->sums[k] += means[k];

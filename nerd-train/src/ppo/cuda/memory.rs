@@ -11,31 +11,30 @@ pub(super) struct Kept {
     pub(super) horizon: usize,
     pub(super) step: usize,
     pub(super) observations: Buffer<f64>,
-    /// Values in units of reward, by step, of the last answer too.
+    /// Values in units of reward: by step, of what the last step reached, and by step of what was reached where time ran out.
     pub(super) values: Buffer<f64>,
-    /// Values of what was reached where time ran out.
-    pub(super) cut: Buffer<f64>,
     /// Advantages and returns.
     pub(super) both: Buffer<f64>,
     /// What came of each step (`gae.rs`).
     pub(super) rewards: Buffer<f64>,
     pub(super) ends: Buffer<u8>,
-    /// Rows outside of a step, raw and normalised, and their environments.
+    /// Rows that steps led to, raw and normalised, and where their values go: of the last step, then of every environment's first time that
+    /// ran out in a rollout on the device, and so on, for how many of which there is room.
     pub(super) rows: Buffer<f64>,
     pub(super) inputs: Buffer<f32>,
     pub(super) which: Buffer<u32>,
+    pub(super) slots: usize,
+    /// How many have.
+    pub(super) cuts: Buffer<u32>,
     /// Actions within their bounds.
     pub(super) actions: Buffer<f32>,
+    /// Number of the first step's noise.
+    pub(super) noise: Buffer<u64>,
     /// Mean and inverse scale of the observations; mean and scale of the returns.
     pub(super) seen: [Buffer<f64>; 2],
-    pub(super) returns: [f64; 2],
+    pub(super) units: Buffer<f64>,
     pub(super) partial: Buffer<f64>,
     pub(super) means: [Buffer<f64>; 2],
-    /// Of a step on the device: the policy has answered, the task has judged.
-    pub(super) marks: [Event; 2],
-    /// Of a rollout there: rows where time ran out with their number by environment, and for how many of each there is room.
-    pub(super) over: Option<(Buffer<f64>, Buffer<u32>)>,
-    pub(super) slots: usize,
 }
 
 impl Kept {
@@ -47,23 +46,37 @@ impl Kept {
             horizon: config.horizon,
             step: 0,
             observations: numbers(steps * width)?,
-            values: numbers(steps + n)?,
-            cut: numbers(steps)?,
+            values: numbers(2 * steps + n)?,
             both: numbers(2 * steps)?,
             rewards: numbers(steps)?,
             ends: device.zeros(steps)?,
             rows: numbers(n * width)?,
             inputs: device.zeros(n * net.plan.padded)?,
             which: device.zeros(n)?,
+            slots: 0,
+            cuts: device.zeros(n)?,
             actions: device.zeros(n * shape.action)?,
+            noise: device.zeros(1)?,
             seen: [numbers(width)?, numbers(width)?],
-            returns: [0.0, 1.0],
+            units: numbers(2)?,
             partial: numbers(PARTS * columns)?,
             means: [numbers(columns)?, numbers(columns)?],
-            marks: [device.event()?, device.event()?],
-            over: None,
-            slots: 0,
         })
+    }
+
+    /// Makes room for so many times that may run out in every environment.
+    pub(super) fn slots(&mut self, net: &Network, slots: usize) -> Result<(), DeviceError> {
+        if self.slots < slots {
+            let (device, n, all) = (&net.device, self.environments, (1 + slots) * self.environments);
+            (self.rows, self.inputs) = (device.zeros(all * self.rows.len / n / (1 + self.slots))?, device.zeros(all * net.plan.padded)?);
+            (self.which, self.slots) = (device.zeros(all)?, slots);
+        }
+        Ok(())
+    }
+
+    /// Where values go of what was reached where time ran out, by step.
+    pub(super) fn cut(&self, step: usize) -> u64 {
+        self.values.at((self.horizon + 1 + step) * self.environments)
     }
 }
 

@@ -7,26 +7,30 @@ mod engine;
 mod memory;
 mod pass;
 mod roll;
+mod shac;
 mod world;
 
 use std::sync::mpsc::Receiver;
 
 use nerd_cuda::Arg::{self, Double, Float, Int, Long, Ptr};
-use nerd_cuda::{Buffer, Device, DeviceError, Event, Lane, Precision, Replay, Sums};
-use nerd_sim::articulated::device::{BLOCK, RANDOM, Resident, failed};
+use nerd_cuda::{Buffer, Device, DeviceError, Precision, Replay, Sums};
+use nerd_sim::articulated::device::{BLOCK, RANDOM, Resident, Trail, failed};
 use nerd_sim::solver::{Fault, Simulation};
 use nerd_tasks::Snapshot;
 
 use super::noise::key;
 use super::team::Team;
-use super::{Adam, Ended, Policy, PpoConfig, Rollout, Running, RunningMoments, Shape, StreamKey, Taken, Terms, Updated};
+use super::{Adam, Algorithm, Ended, Policy, PpoConfig, Rollout, Running, RunningMoments, Shape, StreamKey, Taken, Terms, Updated};
 use crate::learner::cuda::{Network, Plan, joined};
 use crate::prelude::*;
 use memory::{Kept, PassState, Steps};
+use roll::RollKey;
 use world::World;
 
-const SOURCE: [&str; 3] = [include_str!("kernels.cu"), RANDOM, include_str!("acting.cu")];
-const KERNELS: [&str; 13] = [
+pub use shac::CudaShac;
+
+const SOURCE: [&str; 4] = [include_str!("kernels.cu"), RANDOM, include_str!("acting.cu"), include_str!("shac/kernels.cu")];
+const KERNELS: [&str; 16] = [
     "terms_out",
     "terms_back",
     "ppo_gather",
@@ -37,9 +41,12 @@ const KERNELS: [&str; 13] = [
     "act",
     "value",
     "gae",
+    "reached",
     "columns",
     "mean",
     "goals",
+    "shac_ahead",
+    "shac_follow",
 ];
 /// Threads of a block, and blocks of the gradient norm's first stage.
 const THREADS: usize = 128;
@@ -58,6 +65,8 @@ type Orders = Receiver<Result<Vec<u32>, String>>;
 pub struct CudaEngine {
     /// Whether episodes that have kernels are stepped on the card.
     pub steps_episodes: bool,
+    /// Whether their rollouts are gone back over.
+    returns: bool,
     net: Network,
     shape: Shape,
     kept: Kept,
@@ -74,7 +83,10 @@ pub struct CudaEngine {
     gradient: Buffer<f32>,
     moments: [Buffer<f32>; 2],
     state: Buffer<PassState>,
-    replay: Replay<PpoConfig>,
+    replay: Replay<(u64, PpoConfig)>,
+    rolls: Replay<RollKey>,
+    /// Decay of Adam's moments.
+    beta: [f64; 2],
     /// What is drawn of the next update: its settings, its seeds, and the order of each pass.
     orders: Option<(PpoConfig, StreamKey, Orders)>,
     team: Team,
@@ -92,12 +104,15 @@ impl CudaEngine {
         // An observation is a window of one token.
         let plan = Plan::new(shape.program(), 1)?;
         let (padded, parameters) = (plan.padded, plan.parameters());
-        let mut net = Network::new(plan, rows.max(own), Precision::F32, true)?;
+        // The way back goes over all steps at once, and over what they led to.
+        let all = if config.algorithm == Algorithm::Shac { (config.horizon + 1) * own } else { 0 };
+        let mut net = Network::new(plan, rows.max(own).max(all), Precision::F32, true)?;
         net.device.add(&SOURCE.concat(), &KERNELS)?;
         let sums = joined(ranks, &net.device)?;
         let (device, n, zeros) = (&net.device, own * config.horizon, |len: usize| net.device.zeros::<f32>(len));
         Ok(Self {
             steps_episodes: true,
+            returns: config.algorithm == Algorithm::Shac,
             kept: Kept::new(&net, shape, config, own)?,
             steps: Steps::new(device, n, padded, shape.action)?,
             sizes,
@@ -111,6 +126,8 @@ impl CudaEngine {
             moments: [zeros(parameters)?, zeros(parameters)?],
             state: device.zeros(1)?,
             replay: Replay::default(),
+            rolls: Replay::default(),
+            beta: [0.9, 0.999],
             orders: None,
             sums,
             team,

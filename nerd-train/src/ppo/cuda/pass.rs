@@ -19,7 +19,7 @@ impl CudaEngine {
         let numbers = [config.clip, config.critic, config.bounds, config.entropy, config.value_clip].map(Float);
         let sizes = [rows, whole, a, self.shape.outputs()].map(Int);
         self.over("ppo_loss", rows, &[&read.map(Ptr)[..], &written.map(Ptr)[..], &sizes, &numbers].concat())?;
-        net.backward(w, self.gradient.ptr, rows, None)?;
+        net.backward(w, Some(self.gradient.ptr), 0..rows, None)?;
         if !self.shape.spread_by_state {
             net.sum_rows(self.spread.ptr, rows, a, Some(self.gradient.at(self.weights.len - a)), None)?;
         }
@@ -27,12 +27,12 @@ impl CudaEngine {
         let n = Long(self.weights.len as u64);
         self.net.device.launch("squares", (SQUARES, 1), (256, 1), 0, &[Ptr(self.gradient.ptr), n, Ptr(self.squares.ptr)])?;
         let (terms, squares) = ([Ptr(self.terms.ptr), Int(blocks)], [Ptr(self.squares.ptr), Int(SQUARES)]);
-        let rest = [Int(whole), Float(config.gradient_norm), Double(config.kl), Ptr(self.state.ptr)];
-        self.net.device.launch("ppo_finish", (1, 1), (224, 1), 0, &[&terms[..], &squares[..], &rest[..]].concat())?;
+        let rest = [Int(whole), Float(config.gradient_norm), Double(config.kl)];
+        self.net.device.launch("ppo_finish", (1, 1), (224, 1), 0, &[&terms[..], &squares, &rest, &self.beta.map(Double), &[Ptr(self.state.ptr)]].concat())?;
         let [m, v] = &self.moments;
         let factors = self.state.ptr + std::mem::offset_of!(PassState, factors) as u64;
         let vectors = [self.weights.ptr, self.gradient.ptr, m.ptr, v.ptr, 0, factors, 0].map(Ptr);
-        self.over("adam", self.weights.len, &[&vectors[..], &[n, Ptr(0), Double(0.999)]].concat())
+        self.over("adam", self.weights.len, &[&vectors[..], &[n, Ptr(0)], &self.beta.map(Double)].concat())
     }
 
     /// Adds up gradients and loss terms of all cards; the number of blocks that terms are in then.
@@ -47,7 +47,7 @@ impl CudaEngine {
 
     /// All minibatches of one pass, as a graph from the second pass of the same settings on.
     fn pass(&self, config: &PpoConfig) -> Result<(), DeviceError> {
-        self.replay.run(&self.net.device, "pass", config.clone(), || {
+        self.replay.run(&self.net.device, "pass", (self.weights.ptr, config.clone()), || {
             let steps = config.steps();
             (0..steps).step_by(config.minibatch).enumerate().try_for_each(|(k, first)| {
                 let whole = config.minibatch.min(steps - first);
@@ -57,16 +57,13 @@ impl CudaEngine {
         })
     }
 
-    /// All passes in these orders; the policy's weights are there since the rollout began.
+    /// All passes in these orders; weights and their moments are there.
     pub(super) fn passes(
         &mut self,
-        policy: &mut Policy,
         adam: &mut Adam,
         config: &PpoConfig,
         orders: impl Iterator<Item = Result<Vec<u32>, String>>,
     ) -> Result<Updated> {
-        self.net.device.write(&self.moments[0], &adam.m)?;
-        self.net.device.write(&self.moments[1], &adam.v)?;
         self.net.device.write(&self.state, &[PassState { rate: adam.rate, step: adam.step, ..Default::default() }])?;
         let mut passes = 0;
         for order in orders {
@@ -77,12 +74,8 @@ impl CudaEngine {
         if passes < config.epochs {
             refuse!("the orders of {passes} of {} passes were drawn", config.epochs);
         }
-        let (d, [m, v]) = (&self.net.device, &self.moments);
         let mut state = [PassState::default()];
-        d.read(&self.weights, &mut policy.flat)?;
-        d.read(m, &mut adam.m)?;
-        d.read(v, &mut adam.v)?;
-        d.read(&self.state, &mut state)?;
+        self.net.device.read(&self.state, &mut state)?;
         let [PassState { rate, sums, norms, batches, step, .. }] = state;
         (adam.rate, adam.step) = (rate, step);
         Ok(Updated { terms: Terms::of(sums).over(batches), gradient_norm: norms / batches })

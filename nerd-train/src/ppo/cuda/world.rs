@@ -14,6 +14,9 @@ struct Fields {
     n: i32,
 }
 
+/// Of the task; all but two are of the way back.
+const KERNELS: [&str; 6] = ["task_act", "task_judge", "task_arrive_back", "task_acted_back", "task_leave", "task_begin_again"];
+
 /// Episodes of one task on a device.
 pub(super) struct World {
     device: Device,
@@ -24,43 +27,58 @@ pub(super) struct World {
     _failed: Buffer<u32>,
     counts: Buffer<u32>,
     past: Past,
-    /// Between this and the solver.
-    turns: [Event; 2],
+    /// What each step led to, in a world whose steps are gone back over.
+    reached: Option<Buffer<f64>>,
     /// States when the last rollout ended, and frames of a step.
     states: Vec<f64>,
-    step: u64,
+    step: usize,
     /// Steps of an episode.
     length: u64,
     n: usize,
 }
 
-/// The last frames that were stepped: states before them, torques in them; frame k of all is in place k of `most`.
+/// Frames that were stepped: states before them, torques in them and, if they are gone back over, goals. Frame k of all is in place k of `room`.
 struct Past {
+    /// Frames that later ones depend on, and those of them that are there.
     most: usize,
+    known: usize,
+    room: usize,
     states: Buffer<f64>,
     torques: Buffer<f64>,
-    /// Numbers of a frame, and frames so far.
-    sizes: [usize; 2],
+    goals: Buffer<f64>,
+    /// Numbers of a frame.
+    sizes: [usize; 3],
+    /// Frames so far.
     count: usize,
 }
 
 impl World {
-    /// Takes episodes over where they are; none where their solver is elsewhere.
+    /// Takes episodes over where they are, in the order of another device's work; none where their solver is elsewhere. If rollouts are gone back
+    /// over, they have so many steps.
     ///
     /// # Errors
     /// What of task, scene or robot has no kernel; or that there is not enough memory.
-    pub(super) fn new(episodes: &mut Episodes) -> Result<Option<Self>, StepError> {
+    pub(super) fn new(episodes: &mut Episodes, beside: &Device, back: Option<usize>) -> Result<Option<Self>, StepError> {
         let (kept, most, (seed, first), task) = (episodes.snapshot(), episodes.remembered(), episodes.draws(), &episodes.task);
         let Simulation { batch, solver } = &mut episodes.simulation;
         let Some(resident) = solver.resident() else { return Ok(None) };
         let (n, system) = (batch.len(), &batch.system);
         let colliders = batch.scenes.iter().map(|scene| scene.colliders.len()).max().unwrap_or(0);
-        let text = task.kernels(system, colliders, false).map_err(StepError::Refused)?;
+        let text = task.kernels(system, colliders, back.is_some()).map_err(StepError::Refused)?;
         resident.hold(batch)?;
+        if let Some((device, _)) = resident.held() {
+            device.join(beside).map_err(failed)?;
+        }
+        let steps = back.unwrap_or(0);
+        if back.is_some() {
+            resident.keep(batch, steps * task.frames() as usize)?;
+        }
         let memory = resident.memory();
         let Some((_, held)) = resident.held() else { return Err(StepError::Refused("no environments".into())) };
         let make = || -> Result<Self, DeviceError> {
-            let device = Device::open(nerd_cuda::ordinal(), &text, &["task_act", "task_judge"])?;
+            let kernels = if back.is_some() { &KERNELS[..] } else { &KERNELS[..2] };
+            let device = Device::open(nerd_cuda::ordinal(), &text, kernels)?;
+            device.join(beside)?;
             let (goals, frames, begun) = (device.upload(&kept.goals)?, device.upload(&kept.frames)?, device.upload(&kept.begun)?);
             let (failed, counts) = (device.zeros::<u32>(n)?, device.zeros::<u32>(2)?);
             let world = [held.states.ptr, goals.ptr, held.torques.ptr, held.records.ptr, held.scene_of.ptr];
@@ -68,17 +86,24 @@ impl World {
             at[..5].copy_from_slice(&world);
             at[5..].copy_from_slice(&[held.faults.ptr, memory, failed.ptr, frames.ptr, begun.ptr]);
             let fields = Fields { at, key: key(&stream(seed, 0)), first: first as u64, counts: counts.ptr, n: n as i32 };
-            let sizes = [kept.states.len(), n * system.robot.joint_count()];
-            let past = Past { most, states: device.zeros(most * sizes[0])?, torques: device.zeros(most * sizes[1])?, sizes, count: 0 };
-            let turns = [device.event()?, device.event()?];
+            let frames_back = steps * task.frames() as usize;
+            let (room, sizes) = (most.max(frames_back), [kept.states.len(), n * system.robot.joint_count(), kept.goals.len()]);
+            let [states, torques, asked] = sizes.map(|size| device.zeros(room * size));
+            let past = Past { most, known: 0, room, states: states?, torques: torques?, goals: asked?, sizes, count: 0 };
+            let reached = back.map(|steps| device.zeros(steps * kept.states.len())).transpose()?;
             let fields = device.upload(&[fields])?;
-            let (step, length, states) = (task.frames(), task.episode_length().max(1), kept.states.clone());
-            Ok(Self { fields, goals, frames, begun, _failed: failed, counts, past, turns, states, step, length, n, device })
+            let (step, length, states) = (task.frames() as usize, task.episode_length().max(1), kept.states.clone());
+            Ok(Self { fields, goals, frames, begun, _failed: failed, counts, past, reached, states, step, length, n, device })
         };
         // Kernels of the task that do not compile, or no memory beside the solver: then tasks run on the CPU, and the reason is printed.
         let mut world = make().map_err(|e| StepError::Refused(e.to_string()))?;
         world.past.take(&world.device, &kept).map_err(failed)?;
         Ok(Some(world))
+    }
+
+    /// Frames of a step.
+    pub(super) fn frames(&self) -> usize {
+        self.step
     }
 
     /// How often at most one environment runs out of time in so many steps.
@@ -90,30 +115,41 @@ impl World {
         self.device.launch(kernel, (self.n.div_ceil(BLOCK), 1), (BLOCK, 1), 0, &[&[Ptr(self.fields.ptr)], args].concat())
     }
 
-    /// One step under actions on the device, after the work that `acted` marks; `judged` marks its own, which has these arguments.
-    pub(super) fn step(
-        &mut self,
-        resident: &mut dyn Resident,
-        actions: u64,
-        judge: &[Arg],
-        [acted, judged]: [&Event; 2],
-    ) -> Result<(), DeviceError> {
-        self.device.after(Lane::Main, acted)?;
+    /// Step t of a rollout under actions on the device; its judgement has these arguments.
+    pub(super) fn step(&self, resident: &dyn Resident, t: usize, actions: u64, judge: &[Arg]) -> Result<(), DeviceError> {
         for frame in 0..self.step {
-            let [states, torques] = self.past.next();
-            self.launch("task_act", &[Ptr(actions), Int(usize::from(frame > 0)), Ptr(states), Ptr(torques)])?;
-            self.device.mark(Lane::Main, &self.turns[0])?;
-            if let Some((device, _)) = resident.held() {
-                device.after(Lane::Main, &self.turns[0])?;
-            }
+            let past = self.past.place(t * self.step + frame).map(Ptr);
+            self.launch("task_act", &[&[Ptr(actions), Int(usize::from(frame > 0))][..], &past].concat())?;
             resident.frame()?;
-            if let Some((device, _)) = resident.held() {
-                device.mark(Lane::Main, &self.turns[1])?;
-            }
-            self.device.after(Lane::Main, &self.turns[1])?;
         }
-        self.launch("task_judge", judge)?;
-        self.device.mark(Lane::Main, judged)
+        let reached = self.reached.as_ref().map_or(0, |reached| reached.at(t * self.states.len()));
+        self.launch("task_judge", &[judge, &[Ptr(reached)]].concat())
+    }
+
+    /// Where it is, and the place of its next frame, if rollouts of so many steps all begin there.
+    pub(super) fn key(&self, steps: usize) -> Option<(u64, usize)> {
+        let Past { room, count, .. } = self.past;
+        (room == 0 || (steps * self.step).is_multiple_of(room)).then(|| (self.fields.ptr, count.checked_rem(room).unwrap_or(0)))
+    }
+
+    /// So many steps are over.
+    pub(super) fn passed(&mut self, steps: usize) {
+        let past = &mut self.past;
+        past.count += steps * self.step;
+        past.known = (past.known + steps * self.step).min(past.most);
+    }
+
+    /// The last frames, as a way back asks for them; addresses of the goals before them, and of what each step led to.
+    pub(super) fn trail(&self) -> (Trail, [u64; 2]) {
+        let Past { room, states, torques, goals, .. } = &self.past;
+        let reached = self.reached.as_ref().map_or(0, |reached| reached.ptr);
+        (Trail { states: states.ptr, torques: torques.ptr, frames: *room }, [goals.ptr, reached])
+    }
+
+    /// A kernel of the way back over `steps`, in so many rows of blocks.
+    pub(super) fn back(&self, kernel: &str, rows: usize, steps: u64, args: &[Arg]) -> Result<(), DeviceError> {
+        let args = [&[Ptr(self.fields.ptr), Ptr(steps)], args].concat();
+        self.device.launch(kernel, (self.n.div_ceil(BLOCK), rows), (BLOCK, 1), 0, &args)
     }
 
     /// After a rollout: episodes that failed in it.
@@ -145,31 +181,28 @@ impl World {
 }
 
 impl Past {
-    /// Where the next frame goes; 0 if none is kept.
-    fn next(&mut self) -> [u64; 2] {
-        if self.most == 0 {
-            return [0; 2];
-        }
-        let place = self.count % self.most;
-        self.count += 1;
-        [self.states.at(place * self.sizes[0]), self.torques.at(place * self.sizes[1])]
+    /// Where a frame goes that is so many after those so far: state, torques and goal; 0 if none is kept.
+    fn place(&self, later: usize) -> [u64; 3] {
+        let Some(place) = (self.count + later).checked_rem(self.room) else { return [0; 3] };
+        let [states, torques, goals] = self.sizes.map(|size| place * size);
+        [self.states.at(states), self.torques.at(torques), self.goals.at(goals)]
     }
 
     fn take(&mut self, device: &Device, kept: &Snapshot) -> Result<(), DeviceError> {
-        self.count = kept.past_states.len().checked_div(self.sizes[0]).unwrap_or(0).min(self.most);
-        device.write(&self.states, &kept.past_states)?;
-        device.write(&self.torques, &kept.past_torques)
+        self.known = kept.past_states.len().checked_div(self.sizes[0]).unwrap_or(0).min(self.most);
+        // They are the last ones of a turn, so that rollouts that are as long begin at its beginning.
+        let first = self.room - self.known;
+        self.count = self.room;
+        device.write_at(&self.states, first * self.sizes[0], &kept.past_states)?;
+        device.write_at(&self.torques, first * self.sizes[1], &kept.past_torques)
     }
 
     fn give(&self, device: &Device, kept: &mut Snapshot) -> Result<(), DeviceError> {
-        let frames = self.count.min(self.most);
-        let oldest = if self.count > self.most { self.count % self.most } else { 0 };
-        for (from, to, size) in
-            [(&self.states, &mut kept.past_states, self.sizes[0]), (&self.torques, &mut kept.past_torques, self.sizes[1])]
-        {
-            to.resize(frames * size, 0.0);
-            device.read(from, to)?;
-            to.rotate_left(oldest * size);
+        let [states, torques] = [device.download(&self.states)?, device.download(&self.torques)?];
+        for frame in self.count - self.known..self.count {
+            let part = |of: &[f64], size: usize| of[frame % self.room * size..][..size].to_vec();
+            kept.past_states.extend(part(&states, self.sizes[0]));
+            kept.past_torques.extend(part(&torques, self.sizes[1]));
         }
         Ok(())
     }

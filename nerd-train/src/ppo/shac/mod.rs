@@ -30,9 +30,9 @@ use crate::ranks::Ranks;
 use steps::Steps;
 
 /// Decay of Adam's moments, as in the paper.
-const BETA: [f64; 2] = [0.7, 0.95];
+pub(super) const BETA: [f64; 2] = [0.7, 0.95];
 /// Share of the critic before that the slower one keeps in an iteration.
-const KEPT: f32 = 0.2;
+pub(super) const KEPT: f32 = 0.2;
 /// Logarithm of the spread that a policy begins with: a wide one is clamped, where there are no slopes.
 const SPREAD: f32 = -1.0;
 /// Least share of the first rate.
@@ -44,11 +44,11 @@ pub struct Shac {
     pub gradient: Vec<f32>,
     /// J of the last rollout.
     pub earned: f64,
-    team: Team,
-    critic: Policy,
-    adam: Adam,
+    pub(super) team: Team,
+    pub(super) critic: Policy,
+    pub(super) adam: Adam,
     /// The weights of V'.
-    slow: Vec<f32>,
+    pub(super) slow: Vec<f32>,
     rows: Vec<f64>,
     returns: Vec<f64>,
 }
@@ -79,6 +79,24 @@ impl Shac {
         Ok(Self { gradient: Vec::new(), earned: 0.0, team, critic, adam, slow, rows: Vec::new(), returns: Vec::new() })
     }
 
+    /// Sets the rates of an iteration, and makes the policy's step along the gradient of all ranks; the norm of that.
+    pub(super) fn climb(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, orders: StreamKey) -> Result<f32> {
+        let mut gradient = std::mem::take(&mut self.gradient);
+        self.team.ranks.sum(&mut gradient)?;
+        let left = (1.0 - orders.number as f64 / config.iterations as f64).max(LEAST);
+        (adam.rate, self.adam.rate) = (config.rate * left, config.rate * left);
+        // As many as it has made, also in a run that goes on.
+        self.adam.step = adam.step * (config.epochs * config.steps().div_ceil(config.minibatch)) as u64;
+        Ok(adam.step(BETA, &mut policy.flat, &gradient, config.gradient_norm))
+    }
+
+    /// What an update did, by the norm of its gradient and the critic's error.
+    pub(super) fn told(&self, policy: &Policy, norm: f32, critic: f64) -> Updated {
+        let entropy = policy.spread().iter().map(|s| f64::from(*s) + 0.5 * (std::f64::consts::TAU.ln() + 1.0)).sum();
+        let terms = Terms { actor: -self.earned, critic, entropy, ..Terms::default() };
+        Updated { terms, gradient_norm: norm.into() }
+    }
+
     /// V', with the moments of this policy.
     fn value(&self, policy: &Policy) -> Policy {
         Policy { flat: self.slow.clone(), ..policy.clone() }
@@ -107,24 +125,16 @@ impl Engine for Shac {
     }
 
     fn update(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, orders: StreamKey) -> Result<Updated> {
-        let mut gradient = std::mem::take(&mut self.gradient);
-        self.team.ranks.sum(&mut gradient)?;
-        let left = (1.0 - orders.number as f64 / config.iterations as f64).max(LEAST);
-        (adam.rate, self.adam.rate) = (config.rate * left, config.rate * left);
-        // As many as it has made, also in a run that goes on.
-        self.adam.step = adam.step * (config.epochs * config.steps().div_ceil(config.minibatch)) as u64;
-        let norm = adam.step(BETA, &mut policy.flat, &gradient, config.gradient_norm);
+        let norm = self.climb(policy, adam, config, orders)?;
         policy.returns.absorb(&self.team.pool(RunningMoments::of(&self.returns, 1))?);
         let critic = self.learn(policy, config, orders)?;
         self.slow.iter_mut().zip(&self.critic.flat).for_each(|(slow, w)| *slow = KEPT * *slow + (1.0 - KEPT) * w);
         policy.seen.absorb(&self.team.pool(RunningMoments::of(&self.rows, policy.shape.inputs()))?);
-        let entropy = policy.spread().iter().map(|s| f64::from(*s) + 0.5 * (std::f64::consts::TAU.ln() + 1.0)).sum();
-        let terms = Terms { actor: -self.earned, critic, entropy, ..Terms::default() };
-        Ok(Updated { terms, gradient_norm: norm.into() })
+        Ok(self.told(policy, norm, critic))
     }
 
-    fn learned(&mut self) -> Vec<(&'static str, &mut Vec<f32>)> {
+    fn learned(&mut self) -> Result<Vec<(&'static str, &mut Vec<f32>)>> {
         let Self { critic, slow, adam: Adam { m, v, .. }, .. } = self;
-        vec![("critic", &mut critic.flat), ("critic.slow", slow), ("critic.m", m), ("critic.v", v)]
+        Ok(vec![("critic", &mut critic.flat), ("critic.slow", slow), ("critic.m", m), ("critic.v", v)])
     }
 }

@@ -37,15 +37,15 @@ extern "C" __global__ void finish(const float* partial, int count, const float* 
     s->step += 1;
 }
 
-// Clip, Adam (with this second beta) and the moving average `a`, of what is not Muon's: for training and for PPO. Factors: clip, rate, root of
+// Clip, Adam (with these betas) and the moving average `a`, of what is not Muon's: for training and for PPO. Factors: clip, rate, root of
 // the second correction, share of the average. `a`, `hidden` and `bad` may be null; a run whose loss was not finite leaves the weights as they
 // were.
 extern "C" __global__ void adam(float* w, const float* g, float* m, float* v, float* a, const float* factors, const u64* bad, u64 n,
-                                const unsigned char* hidden, double beta) {
+                                const unsigned char* hidden, double first, double beta) {
     const u64 i = (u64)blockIdx.x * blockDim.x + threadIdx.x;
     if (i >= n || (bad && *bad != ~0ull) || (hidden && hidden[i])) return;
     const float d = g[i] * factors[0];
-    const float mean = m[i] + 0.1f * (d - m[i]);
+    const float mean = m[i] + (float)(1.0 - first) * (d - m[i]);
     const float second = (float)beta * v[i] + (float)(1.0 - beta) * d * d;
     const float x = w[i] - factors[1] * mean / (sqrtf(second) * factors[2] + 1e-8f);
     m[i] = mean;

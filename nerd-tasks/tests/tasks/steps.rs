@@ -1,0 +1,178 @@
+//! The kernels of the way back through a policy's steps against the task's slopes, without a device: their text is compiled as C++ and run on
+//! the CPU.
+
+use nerd_sim::articulated::device::{Reach, record};
+use nerd_sim::prelude::*;
+use nerd_tasks::{Trace, View, Work, named, names};
+
+use crate::cpp::Compiler;
+use crate::{actions, episodes};
+
+const N: usize = 8;
+const HORIZON: usize = 3;
+/// Rows of which more is asked for: after the last step, and where time ran out.
+const ROWS: usize = 2 * N;
+const SCALE: f64 = 0.25;
+/// Without slopes, and what the solver could not go on with in the last step.
+const BREAKS: usize = 3;
+const LOST: usize = 4;
+
+/// Numbers about 0, always the same.
+fn some(n: usize, seed: usize, size: f64) -> Vec<f64> {
+    (0..n).map(|k| size * (1.7 * (k + 31 * seed) as f64 + 0.3).sin()).collect()
+}
+
+fn singles(n: usize, seed: usize, size: f64) -> Vec<f32> {
+    some(n, seed, size).into_iter().map(|x| x as f32).collect()
+}
+
+/// What is given beside the trace; the steps of some environments end episodes.
+struct Given {
+    seen: Vec<f64>,
+    rows: Vec<f64>,
+    mean: Vec<f64>,
+    inverse: Vec<f64>,
+    shares: Vec<f64>,
+    pushed: Vec<f64>,
+    drawn: Vec<f32>,
+    means: Vec<f32>,
+    by_seen: Vec<f32>,
+    by_rows: Vec<f32>,
+    asked: Vec<i32>,
+    ends: Vec<u8>,
+}
+
+fn given(width: usize, a: usize, joints: usize, frames: usize) -> Given {
+    let steps = HORIZON * N;
+    let ends: Vec<u8> = (0..steps).map(|i| [0, u8::from(i / N == 1), 2 * u8::from(i / N == 0), 0][i % N % 4]).collect();
+    let asked = |i: usize| if ends[i] == 2 { (N + i % N) as i32 } else { if i / N + 1 == HORIZON { (i % N) as i32 } else { -1 } };
+    let mut pushed = some(steps * frames * joints, 4, 1.0);
+    if let Some(x) = pushed.get_mut((frames * N + BREAKS) * joints) {
+        *x = f64::INFINITY;
+    }
+    Given {
+        seen: some((steps + N) * width, 1, 6.0),
+        rows: some(ROWS * width, 2, 6.0),
+        mean: some(width, 3, 0.5),
+        inverse: (0..width).map(|k| 0.8 + 0.1 * (k % 3) as f64).collect(),
+        shares: some(steps, 5, 1.0),
+        pushed,
+        drawn: singles(steps * a, 6, 1.3),
+        means: singles(steps * a, 7, 1.0),
+        by_seen: singles(steps * width, 8, 1.0),
+        by_rows: singles(ROWS * width, 9, 1.0),
+        asked: (0..steps).map(asked).collect(),
+        ends,
+    }
+}
+
+/// Slopes by the first states, gradients by means and by logarithms of the spread.
+type Found = (Vec<f64>, Vec<f64>, Vec<f64>);
+
+/// The same on the CPU.
+fn on_cpu(task: &dyn nerd_tasks::Task, scene: &Scene, work: &mut Work, trace: &Trace, x: &Given) -> Found {
+    let (robot, slopes) = (work.system.robot.clone(), task.slopes().expect("formulas"));
+    let (d, joints, wide) = (robot.state_dim(), robot.joint_count(), 2 * robot.nv());
+    let (a, width, goals, frames) = (task.action_dim(), task.observation_dim(), task.goal_dim(), task.frames() as usize);
+    let (mut by_first, mut by_mean, mut by_spread) = (Vec::new(), vec![0.0; HORIZON * N * a], vec![0.0; HORIZON * N * a]);
+    for env in 0..N {
+        let at = |frame: usize| frame * N + env;
+        let view = |state, frame: usize| View { state, goal: &trace.goals[at(frame) * goals..][..goals], scene };
+        let seen = |frame: usize| view(&trace.states[at(frame) * d..][..d], frame);
+        let by = |row: &[f64], by: &[f32]| -> Vec<f64> {
+            let inside = |k: usize| ((row[k] - x.mean[k]) * x.inverse[k]).abs() < 5.0;
+            (0..width).map(|k| if inside(k) { f64::from(by[k]) * x.inverse[k] } else { 0.0 }).collect()
+        };
+        let mut slope = vec![0.0; wide];
+        for t in (0..HORIZON).rev() {
+            let (i, last) = (at(t), (t + 1) * frames - 1);
+            if t + 1 == HORIZON || x.ends[i] > 0 {
+                slope.fill(0.0);
+            } else {
+                slopes.observe_back(seen(last + 1), work, &by(&x.seen[(i + N) * width..], &x.by_seen[i * width..]), &mut slope);
+            }
+            let (mut tau, mut by_action, reached) = (vec![0.0; joints], vec![0.0; a], &trace.reached[i * d..][..d]);
+            if !reached[0].is_nan() {
+                let torques = &trace.torques[at(last) * joints..][..joints];
+                slopes.reward_back(view(reached, last), torques, work, -SCALE * x.shares[i], &mut slope, &mut tau);
+                if let Ok(row) = usize::try_from(x.asked[i]) {
+                    slopes.observe_back(view(reached, last), work, &by(&x.rows[row * width..], &x.by_rows[row * width..]), &mut slope);
+                }
+            }
+            let action: Vec<f64> = x.drawn[i * a..][..a].iter().map(|a| f64::from(*a)).collect();
+            for frame in (t * frames..=last).rev() {
+                let pushed = &x.pushed[at(frame) * joints..][..joints];
+                if reached[0].is_nan() {
+                    slope.fill(0.0);
+                } else {
+                    tau.iter_mut().zip(pushed).for_each(|(sum, g)| *sum += g);
+                }
+                slopes.act_back(seen(frame), &action, work, &tau, &mut slope, &mut by_action);
+                tau.fill(0.0);
+            }
+            for k in (0..a).filter(|k| action[*k].abs() <= 1.0 || by_action[*k] * action[*k] >= 0.0) {
+                by_mean[i * a + k] = by_action[k];
+                by_spread[i * a + k] = by_action[k] * (action[k] - f64::from(x.means[i * a + k]));
+            }
+        }
+        by_first.extend(slope);
+    }
+    (by_first, by_mean, by_spread)
+}
+
+fn apart(found: &[f64], expected: &[f64]) -> f64 {
+    assert_eq!(found.len(), expected.len());
+    let largest = expected.iter().fold(1e-6, |most: f64, x| most.max(x.abs()));
+    let off = found.iter().zip(expected).map(|(a, b)| (a - b).abs() / largest);
+    off.fold(0.0, |most, x| if x > most || x.is_nan() { x } else { most })
+}
+
+#[test]
+fn steps_are_gone_back_over_in_kernels_as_on_the_cpu() {
+    let Some(compiler) = Compiler::find() else { return };
+    for name in names().into_iter().filter(|name| named(name).expect("registered").slopes().is_some()) {
+        let mut played = episodes(name, "articulated", N);
+        let (system, task) = (played.simulation.batch.system.clone(), named(name).expect("registered"));
+        let (d, joints, wide) = (system.robot.state_dim(), system.robot.joint_count(), 2 * system.robot.nv());
+        let (a, width, frames) = (task.action_dim(), task.observation_dim(), task.frames() as usize);
+        played.trace();
+        (0..HORIZON).for_each(|step| _ = played.step(&actions(&played, step)).expect("finite"));
+        let mut trace = played.trace();
+        trace.reached[((HORIZON - 1) * N + LOST) * d..][..d].fill(f64::NAN);
+        let (x, scene) = (given(width, a, joints, frames), played.simulation.batch.scenes[0].clone());
+        let (mut by_first, mut by_mean, mut by_spread) = on_cpu(&*task, &scene, &mut Work::new(&system), &trace, &x);
+
+        let text = task.kernels(&system, scene.colliders.len(), true).expect("kernels") + include_str!("steps.cuh");
+        let config = ArticulatedConfig::implicit(1, Friction::Coulomb);
+        let numbers = record(&scene, &system, &config, Reach::of(&played.simulation.batch)).expect("a scene with kernels");
+        let doubles = [&trace.states, &trace.goals, &trace.torques, &trace.reached, &x.seen, &x.rows, &x.mean, &x.inverse, &x.shares, &x.pushed];
+        let doubles = doubles.into_iter().chain([&numbers]).flatten().flat_map(|x| x.to_le_bytes());
+        let floats = [&x.drawn, &x.means, &x.by_seen, &x.by_rows].into_iter().flatten().flat_map(|x| x.to_le_bytes());
+        let head = [N, HORIZON, ROWS].into_iter().flat_map(|n| (n as i32).to_le_bytes());
+        let asked = x.asked.iter().flat_map(|x| x.to_le_bytes());
+        let output = compiler.run(&text, head.chain(doubles).chain(floats).chain(asked).chain(x.ends.iter().copied()).collect());
+
+        let (slope, rest) = output.split_at(8 * N * wide);
+        let slope: Vec<f64> = slope.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect();
+        let words = rest.as_chunks::<4>().0;
+        let (said, words) = words.split_at(HORIZON * N * (a + 1));
+        let (spread, without) = words.split_at(HORIZON * N * a);
+        let float = |b: &[u8; 4]| f64::from(f32::from_le_bytes(*b));
+        let mut mean: Vec<f64> = said.chunks(a + 1).flat_map(|row| &row[..a]).map(float).collect();
+        let mut spread: Vec<f64> = spread.iter().map(float).collect();
+        assert!(said.chunks(a + 1).all(|row| float(&row[a]) == 0.0), "{name}: gradients by values");
+        let broken: Vec<usize> = (0..N).filter(|env| without[*env] != [0; 4]).collect();
+        assert_eq!(broken, [BREAKS], "{name}: environments without slopes");
+        // What is left of the broken one is nothing; its slope is not asked for.
+        let steps = |x: &[f64]| x.chunks(a).enumerate().filter(|(i, _)| i % N == BREAKS).flat_map(|(_, row)| row.to_vec()).collect::<Vec<_>>();
+        assert!(steps(&mean).iter().chain(&steps(&spread)).all(|x| *x == 0.0), "{name}: it still teaches");
+        for (numbers, width) in [(&mut mean, a), (&mut spread, a), (&mut by_mean, a), (&mut by_spread, a), (&mut by_first, wide)] {
+            numbers.chunks_mut(width).enumerate().filter(|(i, _)| i % N == BREAKS).for_each(|(_, row)| row.fill(0.0));
+        }
+        let mut slope = slope;
+        slope[BREAKS * wide..][..wide].fill(0.0);
+        let off = [apart(&slope, &by_first), apart(&mean, &by_mean), apart(&spread, &by_spread)];
+        println!("{name}: slopes by first states {:.1e}, by means {:.1e}, by spreads {:.1e} off", off[0], off[1], off[2]);
+        assert!(off[0] < 1e-11 && off[1] < 1e-6 && off[2] < 1e-6, "{name}: {off:?}");
+    }
+}

@@ -1,0 +1,157 @@
+//! SHAC on the card: its gradient and its critic are the CPU's, and what policies learn by it in a while.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use nerd_model::pick::Setting;
+use nerd_sim::articulated::device::{CudaArticulated, Real};
+use nerd_sim::prelude::*;
+use nerd_sim::truth::Truth;
+use nerd_tasks::named;
+use nerd_train::device::Device;
+use nerd_train::ppo::{Adam, Arena, CudaShac, Engine, PpoConfig, Running, Shac, StreamKey, Trainer, play};
+
+use crate::policies::under_way;
+use crate::with::{Checks, Outcome, largest, share_of_way};
+
+/// Environments and steps whose gradients are compared. Steps are few, since rounding grows with every contact.
+const N: usize = 64;
+const HORIZON: usize = 8;
+/// Gradients may be as far apart, as a share of their size.
+const APART: f64 = 1e-3;
+/// Episodes that a policy plays in the truth.
+const GAMES: usize = 64;
+/// Seconds between two lines.
+const EVERY: f64 = 1.0;
+const TASKS: [&str; 3] = ["cartpole-swingup", "ant-run", "anymal-forward"];
+
+fn model(task: &str, device: Device) -> Outcome<Arena> {
+    Ok(Arena::Model { folder: Path::new("models").join(named(task)?.robot()), device })
+}
+
+/// The articulated solver in 64 bits, on the card or not.
+fn articulated(on_card: bool) -> Arena {
+    let make = move |system: &Arc<System>, _: &Arc<Scene>| -> nerd_train::Result<Box<dyn Solver>> {
+        let config = ArticulatedConfig::accurate(system);
+        Ok(if on_card { Box::new(CudaArticulated::new(config, Real::F64)) } else { Box::new(Articulated::new(config)) })
+    };
+    Arena::Guest("articulated".into(), Arc::new(make))
+}
+
+/// What one iteration found: gradient, J, and the weights of policy and critics after it.
+struct Found {
+    gradient: Vec<f32>,
+    earned: f64,
+    first: Vec<f32>,
+    weights: Vec<f32>,
+    critic: [Vec<f32>; 2],
+    parts: usize,
+}
+
+fn iteration(task: &str, arena: &Arena, on_card: bool) -> Outcome<Found> {
+    let shipped = PpoConfig::shac(task)?;
+    let config = PpoConfig { environments: N, horizon: HORIZON, minibatch: 128, epochs: 2, ..shipped };
+    let mut episodes = under_way(task, arena, N)?;
+    let mut policy = Trainer::new(arena.episodes(task, N, 3)?, config.clone(), 2)?.state.policy;
+    policy.seen.update(episodes.observations());
+    let mut running = Running::new(&episodes, 1);
+    let mut shac = Shac::new(&episodes, &mut policy, &config, 4, &Default::default())?;
+    // A critic that has learned nothing has no slope.
+    for (name, numbers) in shac.learned()?.into_iter().take(2) {
+        let offset = if name == "critic" { 0 } else { 7 };
+        numbers.iter_mut().enumerate().for_each(|(k, w)| *w += 0.05 * crate::with::noise(9, k + offset));
+    }
+    let (noise, orders, mut adam) = (StreamKey { seed: 5, number: 0 }, StreamKey { seed: 6, number: 0 }, Adam::new(policy.flat.len(), 1e-3));
+    let first = policy.flat.clone();
+    let (gradient, earned, parts, critic) = if on_card {
+        let mut card = CudaShac::new(shac, &policy, &config)?;
+        card.roll(&mut episodes, &mut running, &policy, &config, noise)?;
+        let found = (card.shac.gradient.clone(), card.shac.earned);
+        card.update(&mut policy, &mut adam, &config, orders)?;
+        let parts = card.spent().len();
+        (found.0, found.1, parts, critics(&mut card)?)
+    } else {
+        shac.roll(&mut episodes, &mut running, &policy, &config, noise)?;
+        let found = (shac.gradient.clone(), shac.earned);
+        shac.update(&mut policy, &mut adam, &config, orders)?;
+        (found.0, found.1, 0, critics(&mut shac)?)
+    };
+    Ok(Found { gradient, earned, first, weights: policy.flat, critic, parts })
+}
+
+/// Weights of the critic and of the slower one.
+fn critics(engine: &mut dyn Engine) -> Outcome<[Vec<f32>; 2]> {
+    let both: Vec<Vec<f32>> = engine.learned()?.into_iter().take(2).map(|(_, numbers)| numbers.clone()).collect();
+    both.try_into().map_err(|_| "two critics are learned".into())
+}
+
+/// Gradients and updates are the CPU's.
+pub fn gradients(checks: &mut Checks) -> Outcome {
+    for task in TASKS {
+        let model = [model(task, Device::CudaF32)?, model(task, Device::Cpu)?];
+        for (name, [card, cpu]) in [("model", model), ("articulated", [articulated(true), articulated(false)])] {
+            if name == "articulated" && task.starts_with("cartpole") {
+                continue;
+            }
+            let (there, here) = (iteration(task, &card, true)?, iteration(task, &cpu, false)?);
+            let size = |x: &[f32]| x.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>().sqrt();
+            let off: Vec<f32> = there.gradient.iter().zip(&here.gradient).map(|(a, b)| a - b).collect();
+            let apart = size(&off) / size(&here.gradient);
+            let earned = largest(&[there.earned], &[here.earned]);
+            let way = share_of_way(&there.weights, &here.weights, &here.first);
+            let critic = [0, 1].map(|k| apart_by(&there.critic[k], &here.critic[k]));
+            let what = format!(
+                "{task} in the {name}: gradient {apart:.1e} of {:.1e} apart, J {earned:.1e}, weights {way:.1e} of their way, critics {critic:.1?}",
+                size(&here.gradient)
+            );
+            checks.demand(there.parts > 0 && apart < APART && earned < APART && critic.iter().all(|x| *x < 1e-2), what);
+        }
+    }
+    Ok(())
+}
+
+fn apart_by(a: &[f32], b: &[f32]) -> f64 {
+    share_of_way(a, b, &vec![0.0; b.len()])
+}
+
+/// What policies learn in so many seconds, beside the one iteration in which kernels are made: reward by time, and what the time goes to.
+pub fn learning(seconds: f64) -> Outcome {
+    for task in TASKS {
+        for arena in [model(task, Device::Cuda)?, Arena::Card(Setting::Implicit(4))] {
+            let title = format!("{task}, {}", arena.word());
+            let made = Instant::now();
+            let mut run = arena.trainer(named(task)?, PpoConfig::shac(task)?, 1, &Default::default())?;
+            if let Err(error) = run.iterate() {
+                println!("   {title}: {error}");
+                continue;
+            }
+            println!("   {title}: kernels in {:.1} s", made.elapsed().as_secs_f64());
+            let (started, mut told, mut parts, mut count) = (Instant::now(), 0.0, Vec::<(&str, f64)>::new(), 0);
+            while run.state.iteration < run.config.iterations && started.elapsed().as_secs_f64() < seconds {
+                let line = run.iterate()?;
+                let (passed, spent) = (started.elapsed().as_secs_f64(), run.engine.spent());
+                parts.resize(spent.len(), ("", 0.0));
+                parts.iter_mut().zip(spent).for_each(|(sum, (name, x))| *sum = (name, sum.1 + x));
+                count += 1;
+                if passed > told + EVERY || run.state.iteration == run.config.iterations {
+                    told = passed;
+                    let split: Vec<String> = parts.drain(..).map(|(name, x)| format!("{name} {:.2}", 1e3 * x / f64::from(count))).collect();
+                    let (reward, length) = (line.reward.unwrap_or(f64::NAN), line.length.unwrap_or(f64::NAN));
+                    println!(
+                        "   {title}, {passed:.1} s, iteration {}: reward {reward:.1} over {length:.0} steps, {} failed; ms: {}",
+                        line.step,
+                        line.failed,
+                        split.join(", ")
+                    );
+                    count = 0;
+                }
+            }
+            let mut truth = Arena::Truth(Truth::Articulated).episodes(task, GAMES, 77)?;
+            let games = play(&run.state.policy, &mut truth, &mut |_| ())?;
+            let mean = games.iter().map(|game| game.reward).sum::<f64>() / games.len() as f64;
+            println!("   {title}: {mean:.1} in the truth");
+        }
+    }
+    Ok(())
+}

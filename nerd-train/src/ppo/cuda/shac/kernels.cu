@@ -1,0 +1,35 @@
+// What the way back of SHAC needs of a rollout beside task, solver and networks, as shac/back.rs has it.
+
+// By environment, from its first step to its last: what each reward counts, the rows of what steps led to whose value stands for what comes later (or
+// -1; these rows are as `reached` has them), gradients by what V' said of them, and J.
+extern "C" __global__ void shac_ahead(const double* rewards, const unsigned char* ends, const double* values, const double* units, double* shares,
+                                      int* asked, float* by, double* earned, unsigned* without, int n, int horizon, int slots, int a, int outputs,
+                                      double gamma, double scale) {
+    const u64 env = INDEX;
+    if (env >= n) return;
+    for (int slot = 0; slot <= slots; slot++)
+        for (int k = 0; k < outputs; k++) by[((u64)slot * n + env) * outputs + k] = 0;
+    double share = 1, sum = 0;
+    for (int t = 0, cut = 0; t < horizon; t++) {
+        const u64 i = (u64)t * n + env;
+        const bool last = t + 1 == horizon && !ends[i];
+        shares[i] = share;
+        sum += share * rewards[i];
+        asked[i] = -1;
+        if (last || ends[i] == 2) {
+            const u64 row = (u64)(last ? 0 : ++cut) * n + env;
+            asked[i] = (int)row;
+            by[row * outputs + a] = (float)(-gamma * share * scale * units[1]);
+            sum += gamma * share * values[last ? i + n : (u64)(horizon + 1) * n + i];
+        }
+        share = ends[i] ? 1 : gamma * share;
+    }
+    earned[env] = scale * sum;
+    without[env] = 0;
+}
+
+// The slower critic follows.
+extern "C" __global__ void shac_follow(float* slow, const float* w, float kept, u64 n) {
+    const u64 i = INDEX;
+    if (i < n) slow[i] = kept * slow[i] + (1.0f - kept) * w[i];
+}
