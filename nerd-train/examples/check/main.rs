@@ -23,7 +23,7 @@ use with::{Checks, Outcome};
 type Part = (&'static str, fn(&mut Checks) -> Outcome);
 
 /// In order.
-const PARTS: [Part; 14] = [
+const PARTS: [Part; 15] = [
     ("operations", inference::operations),
     ("windows", inference::windows),
     ("streams", inference::streams),
@@ -36,6 +36,7 @@ const PARTS: [Part; 14] = [
     ("solvers", solvers::solvers),
     ("paces", solvers::paces),
     ("slopes", slopes::slopes),
+    ("shac", shac::shac),
     ("policies", policies::policies),
     ("tasks", policies::tasks),
 ];

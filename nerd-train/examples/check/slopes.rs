@@ -32,8 +32,7 @@ pub fn slopes(checks: &mut Checks) -> Outcome {
         let both: [Box<dyn Solver>; 2] = [Box::new(CudaArticulated::new(config, real)), Box::new(Articulated::new(config))];
         beside(checks, &format!("{robot}, articulated {real:?}"), (&system, "ground", MANY), both, most)?;
     }
-    crate::shac::gradients(checks)?;
-    crate::shac::learning(checks.seconds)
+    Ok(())
 }
 
 /// What one frame and the way back over it cost on the card, and how far its slopes are from the CPU's: at most so far, unless a point may touch in 32
