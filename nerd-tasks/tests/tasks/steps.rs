@@ -145,7 +145,8 @@ fn steps_are_gone_back_over_in_kernels_as_on_the_cpu() {
         let text = task.kernels(&system, scene.colliders.len(), true).expect("kernels") + include_str!("steps.cuh");
         let config = ArticulatedConfig::implicit(1, Friction::Coulomb);
         let numbers = record(&scene, &system, &config, Reach::of(&played.simulation.batch)).expect("a scene with kernels");
-        let doubles = [&trace.states, &trace.goals, &trace.torques, &trace.reached, &x.seen, &x.rows, &x.mean, &x.inverse, &x.shares, &x.pushed];
+        let doubles =
+            [&trace.states, &trace.goals, &trace.torques, &trace.reached, &x.seen, &x.rows, &x.mean, &x.inverse, &x.shares, &x.pushed];
         let doubles = doubles.into_iter().chain([&numbers]).flatten().flat_map(|x| x.to_le_bytes());
         let floats = [&x.drawn, &x.means, &x.by_seen, &x.by_rows].into_iter().flatten().flat_map(|x| x.to_le_bytes());
         let head = [N, HORIZON, ROWS].into_iter().flat_map(|n| (n as i32).to_le_bytes());
@@ -164,7 +165,8 @@ fn steps_are_gone_back_over_in_kernels_as_on_the_cpu() {
         let broken: Vec<usize> = (0..N).filter(|env| without[*env] != [0; 4]).collect();
         assert_eq!(broken, [BREAKS], "{name}: environments without slopes");
         // What is left of the broken one is nothing; its slope is not asked for.
-        let steps = |x: &[f64]| x.chunks(a).enumerate().filter(|(i, _)| i % N == BREAKS).flat_map(|(_, row)| row.to_vec()).collect::<Vec<_>>();
+        let steps =
+            |x: &[f64]| x.chunks(a).enumerate().filter(|(i, _)| i % N == BREAKS).flat_map(|(_, row)| row.to_vec()).collect::<Vec<_>>();
         assert!(steps(&mean).iter().chain(&steps(&spread)).all(|x| *x == 0.0), "{name}: it still teaches");
         for (numbers, width) in [(&mut mean, a), (&mut spread, a), (&mut by_mean, a), (&mut by_spread, a), (&mut by_first, wide)] {
             numbers.chunks_mut(width).enumerate().filter(|(i, _)| i % N == BREAKS).for_each(|(_, row)| row.fill(0.0));

@@ -62,7 +62,8 @@ fn iteration(task: &str, arena: &Arena, on_card: bool) -> Outcome<Found> {
         let offset = if name == "critic" { 0 } else { 7 };
         numbers.iter_mut().enumerate().for_each(|(k, w)| *w += 0.05 * crate::with::noise(9, k + offset));
     }
-    let (noise, orders, mut adam) = (StreamKey { seed: 5, number: 0 }, StreamKey { seed: 6, number: 0 }, Adam::new(policy.flat.len(), 1e-3));
+    let (noise, orders, mut adam) =
+        (StreamKey { seed: 5, number: 0 }, StreamKey { seed: 6, number: 0 }, Adam::new(policy.flat.len(), 1e-3));
     let first = policy.flat.clone();
     let (gradient, earned, parts, critic) = if on_card {
         let mut card = CudaShac::new(shac, &policy, &config)?;
@@ -92,7 +93,8 @@ pub fn shac(checks: &mut Checks) -> Outcome {
     for exact in [false, true] {
         for task in TASKS {
             let name = if exact { "articulated" } else { "model" };
-            let both = if exact { [articulated(true), articulated(false)] } else { [model(task, Device::CudaF32)?, model(task, Device::Cpu)?] };
+            let both =
+                if exact { [articulated(true), articulated(false)] } else { [model(task, Device::CudaF32)?, model(task, Device::Cpu)?] };
             if let Err(error) = gradients(checks, task, name, &both) {
                 checks.demand(false, format!("{task} in the {name}: {error}"));
             }
@@ -122,7 +124,8 @@ fn gradients(checks: &mut Checks, task: &str, name: &str, [card, cpu]: &[Arena; 
         here.earned,
     );
     let seconds = started.elapsed().as_secs_f64();
-    checks.demand(there.parts > 0 && apart < APART && earned < APART && critic.iter().all(|x| *x < 1e-2), format!("{what}; {seconds:.1} s"));
+    checks
+        .demand(there.parts > 0 && apart < APART && earned < APART && critic.iter().all(|x| *x < 1e-2), format!("{what}; {seconds:.1} s"));
     Ok(())
 }
 

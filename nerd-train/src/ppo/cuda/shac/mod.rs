@@ -70,7 +70,9 @@ impl CudaShac {
         };
         let rolled = Rolled { engine: &self.engine, world, resident, config, slow: self.critic.slow.ptr };
         let mut spent = Vec::new();
-        for (name, go) in [("values", Way::value as fn(&Way, Rolled) -> Result<(), DeviceError>), ("recall", Way::recall), ("way back", Way::back)] {
+        for (name, go) in
+            [("values", Way::value as fn(&Way, Rolled) -> Result<(), DeviceError>), ("recall", Way::recall), ("way back", Way::back)]
+        {
             go(&way, rolled)?;
             self.engine.net.device.wait()?;
             spent.push((name, started.elapsed().as_secs_f64()));

@@ -93,7 +93,8 @@ impl Way {
 
     fn values(&self, Rolled { engine, config, slow, .. }: Rolled) -> Result<(), DeviceError> {
         let (net, kept) = (&engine.net, &engine.kept);
-        let (n, a, steps, rows) = (kept.environments, engine.shape.action, kept.environments * kept.horizon, (1 + kept.slots) * kept.environments);
+        let (n, a, steps, rows) =
+            (kept.environments, engine.shape.action, kept.environments * kept.horizon, (1 + kept.slots) * kept.environments);
         engine.reached(slow)?;
         let read = [&kept.rewards.ptr, &kept.ends.ptr, &kept.values.ptr, &kept.units.ptr].map(|at| Ptr(*at));
         let written = [self.shares.ptr, self.asked.ptr, net.targets.ptr, self.earned.ptr, self.without.ptr].map(Ptr);
