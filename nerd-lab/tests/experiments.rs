@@ -9,6 +9,7 @@ use nerd_lab::experiments::games::games;
 use nerd_lab::experiments::judges::Judges;
 use nerd_lab::experiments::motions::{MotionErrors, Motions, Row as MotionRow};
 use nerd_lab::experiments::passive::{Case, Passive, Protocol, Row, Rows, unworthy};
+use nerd_lab::experiments::plans::Plans;
 use nerd_lab::experiments::{Experiment, conduct};
 use nerd_lab::report::manifest::{Entry as Made, Manifest};
 use nerd_lab::report::{Artifact, write_json};
@@ -166,6 +167,47 @@ fn a_solver_that_cannot_is_left_out_and_the_others_go_on() {
     settings.solvers = vec!["rapier".into()];
     let reason = refusal(settings.all());
     assert!(reason.contains("`j` has dry friction"), "{reason}");
+}
+
+fn plans(ahead: &[&str]) -> Plans {
+    let mut asked = Plans::default();
+    (asked.task, asked.games, asked.samples, asked.steps) = (vec!["cartpole-swingup".into()], 2, Some(2), Some(2));
+    asked.ahead = ahead.iter().map(|name| (*name).into()).collect();
+    asked
+}
+
+#[test]
+fn where_planners_look_ahead_is_said_once_and_in_one_way() {
+    for name in ["x+4", "x04", "x0", "x", "x10001", "4", "x-1", "X1"] {
+        let said = refusal(plans(&[name]).about());
+        assert!(said.contains(&format!("ahead={name}:")), "{said}");
+    }
+    let said = refusal(plans(&["x1", "x2", "x1"]).about());
+    assert!(said.contains("ahead") && said.contains("`x1` is named twice"), "{said}");
+    plans(&["x1", "neural"]).about().expect("each is something else");
+}
+
+/// No frame of it can be stepped, and none has slopes.
+struct Broken;
+
+impl Solver for Broken {
+    fn step(&mut self, batch: &mut Batch, _: &[f64]) -> Result<(), StepError> {
+        let of = |env: usize| nerd_sim::solver::Fault { env, frame: batch.frames[env], reason: "broken".into() };
+        Err(StepError::Environments((0..batch.len()).map(of).collect()))
+    }
+
+    fn back(&mut self, batch: &Batch, _: &[f64], _: usize, _: &[f64]) -> Result<nerd_sim::solver::Slopes, StepError> {
+        self.step(&mut batch.clone(), &[]).map(|()| Default::default())
+    }
+}
+
+#[test]
+fn a_planner_that_cannot_look_ahead_fails_in_its_games_and_ends_nothing() {
+    let arena = Arena::Guest("broken".into(), std::sync::Arc::new(|_, _| Ok(Box::new(Broken))));
+    for planner in ["mppi", "ilqr"] {
+        let row = plans(&["x1"]).row("cartpole-swingup", planner, &arena).unwrap_or_else(|error| panic!("{planner}: {error}"));
+        assert!(row.games == 2 && row.success == 0.0 && row.hertz > 0.0 && row.reward.is_some(), "{planner}: {row:?}");
+    }
 }
 
 fn motions(robot: &str) -> Motions {

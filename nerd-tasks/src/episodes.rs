@@ -47,6 +47,8 @@ pub struct Episodes {
     observations: Vec<f64>,
     past: Past,
     trace: Option<Trace>,
+    /// Whether a start that cannot be stepped is a failure as any other: of copies that look ahead, which begin where they are put.
+    pub(crate) copies: bool,
 }
 
 /// Frames that were stepped, one after the other.
@@ -87,6 +89,7 @@ impl Episodes {
             observations: vec![0.0; n * task.observation_dim()],
             past: Past::default(),
             trace: None,
+            copies: false,
             task,
             simulation,
         };
@@ -283,7 +286,7 @@ impl Episodes {
         if let Err(error) = stepped {
             for fault in error.faults()? {
                 // A start that cannot be stepped would restart for ever.
-                if fault.frame == 0 && !failed[fault.env] {
+                if fault.frame == 0 && !failed[fault.env] && !self.copies {
                     return Err(StepError::Environments(vec![fault]));
                 }
                 failed[fault.env] = true;

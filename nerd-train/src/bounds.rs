@@ -48,6 +48,14 @@ pub fn time(factors: &[(&str, usize)]) -> Result<()> {
     Ok(())
 }
 
+/// Refuses what a list has twice; `whose` names the list.
+pub fn once(whose: &str, names: &[String]) -> Result<()> {
+    match (1..names.len()).find(|&k| names[..k].contains(&names[k])) {
+        Some(k) => refuse!("{whose}: `{}` is named twice", names[k]),
+        None => Ok(()),
+    }
+}
+
 /// Refuses NaN, which would be in a table like any other figure; `whose` names it.
 pub fn figures<'a>(whose: &str, figures: impl IntoIterator<Item = &'a f64>) -> Result<()> {
     match figures.into_iter().find(|x| !x.is_finite()) {

@@ -1,11 +1,11 @@
-//! Planners: actions found by looking ahead in a model, or in the truth's own method at few substeps, and acted in the truth; beside a policy.
-
-use std::time::{Duration, Instant};
+//! Planners: actions found by looking ahead in a model, or in the truth's own method at few substeps, and acted in the truth; beside a policy,
+//! and beside doing nothing.
 
 use nerd_tasks::Episodes;
 use nerd_tasks::plan::{Ilqr, IlqrConfig, Mppi, MppiConfig, Planner};
 use nerd_train::ppo::{Actor, Game, folder, plan, play};
 
+use nerd_train::cost::on_one_core;
 use rayon::prelude::*;
 
 use super::games::{Reward, policy_of, truth_of};
@@ -28,6 +28,8 @@ settings! {
         /// Where they look ahead, comma-separated: neural (the model that comes with the project), or x1, x2, x4 and so on (articulated
         /// with so many substeps)
         ahead: Vec<String> = ["neural", "x1", "x2", "x4"].map(String::from).into(), Texts;
+        /// Where that is computed: cpu, or cuda
+        device: Device = Device::Cpu, Words(&["cpu", "cuda"]);
         /// Games of each
         games: usize = 100, Whole(STARTS);
         /// Seed of the starts
@@ -55,7 +57,10 @@ pub struct Row {
     pub games: usize,
     /// Share of games that stayed where they were asked to be ([`Game::stayed`]).
     pub success: f64,
-    pub reward: Reward,
+    /// Of games that were not broken off.
+    pub reward: Option<Reward>,
+    /// Games broken off since a start could not be stepped, none of them a success.
+    pub lost: usize,
     /// Actions a second, for one environment.
     pub hertz: f64,
     /// Compared for an action, and their steps.
@@ -63,16 +68,37 @@ pub struct Row {
     pub steps: usize,
 }
 
-/// Actions a second of a planner for one environment.
-fn paced(mut planner: Box<dyn Planner>, truth: &mut Episodes) -> Result<f64> {
-    let mut spent = Duration::ZERO;
-    for _ in 0..PACED {
-        let begun = Instant::now();
-        let actions = planner.act(truth)?;
-        spent += begun.elapsed();
-        truth.step(&actions)?;
+/// Time that this thread has computed, which other programs hardly lengthen; where the system does not say, the clock.
+fn busy(begun: Instant) -> Duration {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
+    text.split_whitespace().next().and_then(|n| n.parse().ok()).map_or_else(|| begun.elapsed(), Duration::from_nanos)
+}
+
+/// Actions a second of a planner for one environment on one thread, as far as that can be stepped; on a card by the clock.
+fn paced(mut planner: Box<dyn Planner>, truth: &mut Episodes, card: bool) -> Result<f64> {
+    let (mut spent, mut done, begun) = (Duration::ZERO, 0_u32, Instant::now());
+    let now = || if card { begun.elapsed() } else { busy(begun) };
+    while done < PACED {
+        let from = now();
+        let planned = planner.act(truth).map(|actions| (now() - from, actions));
+        match planned.and_then(|(own, actions)| truth.step(&actions).map(|_| own)) {
+            Ok(own) => (spent, done) = (spent + own, done + 1),
+            Err(error) => {
+                error.faults()?;
+                break;
+            }
+        }
     }
-    Ok(f64::from(PACED) / spent.as_secs_f64())
+    Ok(f64::from(done) / spent.as_secs_f64().max(1e-9))
+}
+
+/// Does nothing.
+struct Still;
+
+impl Planner for Still {
+    fn act(&mut self, present: &Episodes) -> Result<Vec<f64>, StepError> {
+        Ok(vec![0.0; present.len() * present.task.action_dim()])
+    }
 }
 
 impl Plans {
@@ -112,41 +138,52 @@ impl Plans {
         })
     }
 
-    /// A planner for one environment.
-    fn planner(&self, name: &str, task: &str, arena: &Arena) -> Result<Box<dyn Planner>> {
+    /// A planner for so many environments.
+    fn planner(&self, name: &str, task: &str, arena: &Arena, n: usize) -> Result<Box<dyn Planner>> {
         let [plans, _] = self.sizes(name, task)?;
-        let episodes = arena.episodes(task, plans, 0)?;
+        let mut episodes = arena.episodes(task, n * plans, 0)?;
+        episodes.remember(0);
         Ok(if name == "mppi" { Box::new(Mppi::new(episodes, self.mppi(task))) } else { Box::new(Ilqr::new(episodes, self.ilqr(task))?) })
     }
 
     fn arena(&self, task: &str, ahead: &str) -> Result<Arena> {
         let robot = nerd_tasks::named(task)?.robot();
         if ahead == "neural" {
-            return Ok(Arena::Model { folder: shipped::model_of_task(task, robot), device: Device::Cpu });
+            return Ok(Arena::Model { folder: shipped::model_of_task(task, robot), device: self.device });
         }
-        let Some(n) = ahead.strip_prefix('x').and_then(|n| n.parse().ok()).filter(|n| *n > 0) else {
-            bail!("--set ahead={ahead}: neural, or a number of substeps as in x4 is needed");
+        let number = ahead.strip_prefix('x').and_then(|n| n.parse::<u64>().ok().filter(|own| own.to_string() == n));
+        let Some(n) = number.filter(|n| SUBSTEPS.contains(n)) else {
+            bail!("--set ahead={ahead}: neural, or a number of substeps as in x4 is needed, {} at most", SUBSTEPS.end());
         };
         let bare = System::named(robot)?.robot.contact_points.is_empty();
-        Ok(Arena::Judge(if bare { Setting::Rk4(n) } else { Setting::Implicit(n) }))
+        let setting = if bare { Setting::Rk4(n as usize) } else { Setting::Implicit(n as usize) };
+        #[cfg(feature = "cuda")]
+        if self.device.is_cuda() {
+            return Ok(Arena::Card(setting));
+        }
+        Ok(Arena::Judge(setting))
     }
 
-    fn row(&self, task: &str, name: &str, ahead: &str) -> Result<Row> {
-        let (arena, truth) = (self.arena(task, ahead)?, Arena::Truth(Truth::Articulated));
-        let (planner, [plans, steps]) = (self.planner(name, task, &arena)?, self.sizes(name, task)?);
+    /// What a planner that looks ahead somewhere reaches in the truth.
+    pub fn row(&self, task: &str, name: &str, arena: &Arena) -> Result<Row> {
+        let truth = Arena::Truth(Truth::Articulated);
+        let (planner, [plans, steps]) = (self.planner(name, task, arena, 1)?, self.sizes(name, task)?);
         let mut one = truth.episodes(task, 1, self.seed)?;
-        let hertz = rayon::ThreadPoolBuilder::new().num_threads(1).build()?.install(|| paced(planner, &mut one))?;
-        let bar = bar(&format!("games of {task}, {name} in {ahead}"), self.games as u64);
-        // Planned for alone each, so that all cores have something to do; what is drawn is the game's own.
-        let game = |k: usize| -> Result<Vec<Game>> {
-            let mut episodes = truth.part(nerd_tasks::named(task)?, k..k + 1, self.seed)?;
-            let games = plan(&mut *self.planner(name, task, &arena)?, &mut episodes, &mut |_| ())?;
-            bar.add(1);
-            Ok(games)
+        let hertz = on_one_core(|| paced(planner, &mut one, arena.on_gpu()))?;
+        let title = arena.title()?;
+        let bar = bar(&format!("games of {task}, {name} in {title}"), self.games as u64);
+        // Alone each, so that all cores have something to do, or all at once on a card; what is drawn is the game's own.
+        let each = if arena.on_gpu() { self.games } else { 1 };
+        let some = |k: usize| -> Result<Vec<Game>> {
+            let range = k * each..(k + 1) * each;
+            let mut episodes = truth.part(nerd_tasks::named(task)?, range, self.seed)?;
+            let games = plan(&mut *self.planner(name, task, arena, each)?, &mut episodes, &mut |_| ());
+            bar.add(each as u64);
+            games.or_else(|error| Ok(error.faults().map(|_| Vec::new())?))
         };
-        let games = (0..self.games).into_par_iter().map(game).collect::<Result<Vec<_>>>()?.concat();
+        let games = (0..self.games / each).into_par_iter().map(some).collect::<Result<Vec<_>>>()?.concat();
         bar.finish();
-        Ok(Row { planner: name.into(), hertz, plans, steps, ..row(task, &arena.title()?, &games) })
+        Ok(Row { planner: name.into(), hertz, plans, steps, ..row(task, &title, &games, self.games) })
     }
 
     /// The first policy of a task that was trained in a model, if one comes with the project.
@@ -154,28 +191,38 @@ impl Plans {
         Ok(shipped::policies(&format!("{task}-neural"))?.into_iter().next())
     }
 
+    fn still(&self, task: &str) -> Result<Row> {
+        let mut episodes = Arena::Truth(Truth::Articulated).episodes(task, self.games, self.seed)?;
+        let games = plan(&mut Still, &mut episodes, &mut |_| ())?;
+        Ok(Row { planner: "nothing".into(), ..row(task, "-", &games, self.games) })
+    }
+
     fn policy_row(&self, task: &str, path: &Path) -> Result<Row> {
         let (policy, truth) = (policy_of(path, task)?, Arena::Truth(Truth::Articulated));
         let actor = Actor::new(policy.clone());
         let seen = vec![0.1; policy.shape.stack * nerd_tasks::named(task)?.observation_dim()];
-        let begun = Instant::now();
+        let (begun, from) = (Instant::now(), busy(Instant::now()));
         (0..ANSWERS).for_each(|_| drop(std::hint::black_box(actor.mean(&seen))));
-        let hertz = f64::from(ANSWERS) / begun.elapsed().as_secs_f64();
+        let hertz = f64::from(ANSWERS) / (busy(begun) - from).as_secs_f64().max(1e-9);
         let games = play(&policy, &mut truth.episodes(task, self.games, self.seed)?, &mut |_| ())?;
-        Ok(Row { planner: "policy".into(), hertz, ..row(task, &folder::load(path)?.0.solver, &games) })
+        Ok(Row { planner: "policy".into(), hertz, ..row(task, &folder::load(path)?.0.solver, &games, self.games) })
     }
 }
 
-/// What games say.
-fn row(task: &str, ahead: &str, games: &[Game]) -> Row {
-    let success = games.iter().filter(|game| game.stayed).count() as f64 / games.len() as f64;
-    let (reward, games) = (Reward::of(games), games.len());
-    Row { task: task.into(), planner: String::new(), ahead: ahead.into(), games, success, reward, hertz: 0.0, plans: 0, steps: 0 }
+/// What games say, of so many that were begun.
+fn row(task: &str, ahead: &str, games: &[Game], begun: usize) -> Row {
+    let success = games.iter().filter(|game| game.stayed).count() as f64 / begun as f64;
+    let (reward, lost) = ((!games.is_empty()).then(|| Reward::of(games)), begun - games.len());
+    let (task, ahead, planner) = (task.into(), ahead.into(), String::new());
+    Row { task, planner, ahead, games: begun, success, reward, lost, hertz: 0.0, plans: 0, steps: 0 }
 }
 
 impl Experiment for Plans {
     fn about(&self) -> Result<About> {
         let mut inputs = Inputs::default();
+        for (key, names) in [("task", &self.task), ("planner", &self.planner), ("ahead", &self.ahead)] {
+            bounds::once(&format!("--set {key}"), names)?;
+        }
         for task in &self.task {
             let of = nerd_tasks::named(task)?;
             inputs.add(Input::robot(&*System::named(of.robot())?));
@@ -186,12 +233,14 @@ impl Experiment for Plans {
                 let bytes = 64 * System::named(of.robot())?.robot.state_dim();
                 bounds::memory(&[("samples", plans), ("steps", steps), ("threads", rayon::current_num_threads())], bytes)?;
                 if planner == "ilqr" {
-                    self.planner(planner, task, &Arena::Judge(Setting::Accurate))?;
+                    self.planner(planner, task, &Arena::Judge(Setting::Accurate), 1)?;
                 }
             }
             for ahead in &self.ahead {
                 match self.arena(task, ahead)? {
                     Arena::Model { folder, .. } => inputs.add(Input::model(&folder)?),
+                    #[cfg(feature = "cuda")]
+                    Arena::Card(setting) => inputs.add(Input::motion(of.robot(), of.scene(), &setting)?),
                     Arena::Judge(setting) => inputs.add(Input::motion(of.robot(), of.scene(), &setting)?),
                     _ => {}
                 }
@@ -208,8 +257,9 @@ impl Experiment for Plans {
         let mut rows = Vec::new();
         for task in &self.task {
             for (planner, ahead) in self.planner.iter().flat_map(|planner| self.ahead.iter().map(move |ahead| (planner, ahead))) {
-                rows.push(self.row(task, planner, ahead)?);
+                rows.push(self.row(task, planner, &self.arena(task, ahead)?)?);
             }
+            rows.push(self.still(task)?);
             if let Some(path) = self.policy(task)? {
                 rows.push(self.policy_row(task, &path)?);
             }
@@ -217,14 +267,17 @@ impl Experiment for Plans {
         let line = |r: &Row| {
             let size = if r.steps == 0 { "-".into() } else { format!("{} x {}", r.plans, r.steps) };
             let cells = [r.task.clone(), r.planner.clone(), r.ahead.clone(), size];
-            let reward = format!("{:.1} +- {:.1}", r.reward.mean, r.reward.standard_error);
-            cells.into_iter().chain([format!("{:.0}", 100.0 * r.success), reward, format!("{:.0}", r.hertz)]).collect()
+            let reward = r.reward.map_or("-".into(), |reward| format!("{:.1} +- {:.1}", reward.mean, reward.standard_error));
+            let hertz = if r.hertz == 0.0 { "-".into() } else { format!("{:.0}", r.hertz) };
+            cells.into_iter().chain([r.games.to_string(), format!("{:.0}", 100.0 * r.success), reward, hertz]).collect()
         };
-        let header = ["task", "by", "planned or trained in", "plans x steps", "success (%)", "reward", "Hz on one core"];
+        let header = ["task", "by", "planned or trained in", "plans x steps", "games", "success (%)", "reward", "Hz on one core"];
         let note = "Acted in the truth. Success: the episode goes on to its end, and throughout its last quarter the pole is within 0.2 rad of \
                     upright, the torso within 0.5 m of its point, the hand within 0.05 m of its target; actions beyond a torque's limits are \
-                    clamped. Hz: actions a second for one environment on one thread. +-: standard error over games.";
-        let table = Table::new("plans", &header).with(rows.iter().map(line)).noted(note);
+                    clamped. Hz: actions a second for one environment, of one thread's own time. +-: standard error over games.";
+        let lost: usize = rows.iter().map(|r| r.lost).sum();
+        let note = if lost == 0 { note.into() } else { format!("{note} {lost} were broken off, since a start could not be stepped.") };
+        let table = Table::new("plans", &header).with(rows.iter().map(line)).noted(&note);
         Measured::new(&serde_json::json!({ "rows": rows }), vec![table])
     }
 }

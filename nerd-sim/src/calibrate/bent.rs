@@ -37,8 +37,11 @@ impl Bent {
         Self { slope: DVector::zeros(p), curvature: DMatrix::zeros(p, p) }
     }
 
-    /// Adds a difference (of `unit` size) and its sensitivities.
+    /// Adds a difference (of `unit` size) and its sensitivities; nothing without a unit, as the objective.
     fn add(&mut self, apart: &[f64], by: DMatrix<f64>, unit: f64, share: f64) {
+        if !unit.is_normal() {
+            return;
+        }
         let apart = DVector::from_column_slice(apart);
         let far = by.norm() / (FAR * unit);
         let weight = share / ((1.0 + far * far) * unit * apart.norm().max(NEAR * unit));
@@ -102,7 +105,7 @@ impl Subject {
                 }
                 let joints = turned(robot, measured, q);
                 let share = share / joints.len().max(1) as f64;
-                let all = joints.iter().enumerate().filter(|_| unit[2] > 0.0);
+                let all = joints.iter().enumerate();
                 all.for_each(|(i, apart)| bent.add(&[*apart], s.rows(dofs + i, 1).into_owned(), unit[2], share));
             }
             Some(bent)

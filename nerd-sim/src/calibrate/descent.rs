@@ -13,8 +13,6 @@ const LONGEST: f64 = 0.2;
 /// A round that gains a smaller share than this is the last, and there are at most so many.
 const LEAST: f64 = 0.001;
 const ROUNDS: usize = 12;
-/// What a round's slopes cost, in evaluations of the objective.
-pub(super) const PASS: f64 = 10.0;
 
 /// The values after a step against the slope.
 fn moved(parameters: &[Parameter], values: &[f64], bent: &Bent, damping: f64) -> Option<Vec<f64>> {
@@ -35,26 +33,24 @@ fn moved(parameters: &[Parameter], values: &[f64], bent: &Bent, damping: f64) ->
     Some(parameters.iter().zip(&x).zip(step.iter()).map(|((p, x), s)| p.at(x - cut * s)).collect())
 }
 
-/// Goes down from `values` while it pays, for at most `budget` evaluations; returns how many it took, or nothing where there are no slopes.
+/// Goes down from `values` while it pays, as long as it `may`; returns the objective there, or nothing where there are no slopes.
 pub(super) fn descend(
     parameters: &[Parameter],
     values: &mut Vec<f64>,
-    budget: f64,
+    may: impl Fn() -> bool,
     worth: impl Fn(&[f64]) -> Result<f64, CalibrateError>,
     bent: impl Fn(&[f64]) -> Result<Option<Bent>, CalibrateError>,
-) -> Result<Option<(f64, f64)>, CalibrateError> {
-    let (mut best, mut done, mut damping) = (worth(values)?, 1.0, DAMPING[0]);
+) -> Result<Option<f64>, CalibrateError> {
+    let (mut best, mut damping) = (worth(values)?, DAMPING[0]);
     for _ in 0..ROUNDS {
-        if done + PASS >= budget {
+        if !may() {
             break;
         }
         let Some(bent) = bent(values)? else { return Ok(None) };
-        done += PASS;
         let before = best;
         for _ in 0..4 {
             let Some(next) = moved(parameters, values, &bent, damping) else { break };
             let found = worth(&next)?;
-            done += 1.0;
             if found < best {
                 (best, *values) = (found, next);
                 damping = (damping / 4.0).max(DAMPING[1]);
@@ -66,5 +62,5 @@ pub(super) fn descend(
             break;
         }
     }
-    Ok(Some((done, best)))
+    Ok(Some(best))
 }

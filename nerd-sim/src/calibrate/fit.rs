@@ -1,6 +1,8 @@
 //! The fit: descent by slopes where the solver has them; elsewhere CMA-ES within the bounds (Hansen, "The CMA Evolution Strategy: A Tutorial",
 //! arXiv 1604.00772; crate fcmaes-core).
 
+use std::cell::Cell;
+
 use fcmaes_core::{Cmaes, CmaesParams, Fitness};
 use serde::{Deserialize, Serialize};
 
@@ -13,17 +15,19 @@ use super::trial::{Distance, Trial, mean};
 /// of the trials.
 #[derive(Clone, Copy, Debug)]
 pub struct FitConfig {
-    /// Evaluations of the objective at most; those of a descent count by their trials and frames.
+    /// Evaluations of the objective at most. Those of a descent count by their trials and frames, those of a search one each.
     pub evaluations: usize,
     /// Trials that the second half sees at most, evenly chosen.
     pub trials: usize,
     /// Seed of the search; a descent draws nothing.
     pub seed: u64,
+    /// Whether to descend where the solver has slopes; else it is searched, too.
+    pub slopes: bool,
 }
 
 impl Default for FitConfig {
     fn default() -> Self {
-        Self { evaluations: 1000, trials: 500, seed: 0 }
+        Self { evaluations: 1000, trials: 500, seed: 0, slopes: true }
     }
 }
 
@@ -31,6 +35,8 @@ impl Default for FitConfig {
 const STAGES: [[f64; 2]; 4] = [[0.125, 0.25], [0.5, 0.25], [1.0, 0.25], [1.0, 1.0]];
 /// Where a descent begins at least from the bounds: dry friction that is not there has no slope.
 const INSIDE: f64 = 0.01;
+/// What a round's slopes cost, in evaluations of the objective over as many trials.
+const PASS: f64 = 10.0;
 /// First steps of the coarse and of the fine search, in shares of the bounds.
 const STEPS: [f64; 2] = [0.15, 0.04];
 
@@ -45,6 +51,10 @@ pub struct Fit {
     pub before: Distance,
     /// And with it.
     pub after: Distance,
+    /// Evaluations of the objective; one over a share of trials and frames counts as that share, a round's slopes ten times as much.
+    pub evaluations: f64,
+    /// Whether it was found by slopes.
+    pub slopes: bool,
 }
 
 /// The sum of the distances in units of those of `unit`, over their number; joints only where there are some.
@@ -65,11 +75,26 @@ struct Search<'a> {
     parameters: &'a [Parameter],
     trials: &'a [Trial],
     unit: Distance,
+    /// What an evaluation counts, and what all together have.
+    share: f64,
+    spent: &'a Cell<f64>,
 }
 
-impl Search<'_> {
+impl<'a> Search<'a> {
+    fn new(
+        subject: &'a Subject,
+        parameters: &'a [Parameter],
+        trials: &'a [Trial],
+        share: f64,
+        spent: &'a Cell<f64>,
+    ) -> Result<Self, CalibrateError> {
+        spent.set(spent.get() + share);
+        Ok(Self { subject, parameters, trials, unit: mean(&subject.distances(trials)?), share, spent })
+    }
+
     /// The objective of these values, and the distances behind it.
     fn worth(&self, values: &[f64]) -> Result<(f64, Distance), CalibrateError> {
+        self.spent.set(self.spent.get() + self.share);
         let apart = mean(&self.subject.with(self.parameters, values)?.distances(self.trials)?);
         let worth = objective(&apart, &self.unit);
         Ok((if worth.is_finite() { worth } else { f64::MAX }, apart))
@@ -112,6 +137,25 @@ impl Search<'_> {
     }
 }
 
+/// The best values that searches find, from coarse to fine.
+fn searched(all: &Search, few: &[Trial], config: FitConfig, progress: &mut dyn FnMut(usize, f64)) -> Result<Vec<f64>, CalibrateError> {
+    let (quarter, mut done) = (config.evaluations.div_ceil(4), 0);
+    let nominal: Vec<f64> = all.parameters.iter().map(|p| p.nominal).collect();
+    // Coarse, twice: contact has valleys side by side, such as much friction that creeps and little that holds.
+    let coarse = Search::new(all.subject, all.parameters, few, few.len() as f64 / all.trials.len() as f64, all.spent)?;
+    let mut best = (f64::INFINITY, nominal.clone());
+    for run in 0..2 {
+        let seed = config.seed.wrapping_mul(2).wrapping_add(run);
+        let found = coarse.run(&nominal, STEPS[0], quarter, seed, &mut |own, worth| progress(done + own, worth))?;
+        done += quarter;
+        if found.0 < best.0 {
+            best = found;
+        }
+    }
+    let rest = config.evaluations.saturating_sub(done);
+    Ok(all.run(&best.1, STEPS[1], rest, config.seed, &mut |own, worth| progress(done + own, worth))?.1)
+}
+
 impl Subject {
     /// Fits parameters to trials; `progress` receives evaluations done and the best objective so far.
     pub fn fit(
@@ -125,60 +169,52 @@ impl Subject {
             return Err(CalibrateError::Empty);
         }
         let fine = thinned(trials, config.trials);
-        let few = thinned(&fine, fine.len().div_ceil(4));
-        let all = Search { subject: self, parameters, trials: &fine, unit: mean(&self.distances(&fine)?) };
+        let (few, spent) = (thinned(&fine, fine.len().div_ceil(4)), Cell::new(0.0));
+        let all = Search::new(self, parameters, &fine, 1.0, &spent)?;
         let nominal: Vec<f64> = parameters.iter().map(|p| p.nominal).collect();
-        if let Some(ends) = self.descended(parameters, [&few, &fine], config.evaluations as f64, progress)? {
-            // What a stage gained on a few trials may be lost on all of them.
-            let (mut best, mut values) = (all.worth(&nominal)?, nominal);
-            for end in ends {
-                let own = all.worth(&end)?;
-                if own.0 < best.0 {
-                    (best, values) = (own, end);
-                }
-            }
-            let (objective, after) = best;
-            return Ok(Fit { values, objective, before: all.unit, after });
-        }
-        let (quarter, mut done) = (config.evaluations.div_ceil(4), 0);
-        // Coarse, twice: contact has valleys side by side, such as much friction that creeps and little that holds.
-        let coarse = Search { subject: self, parameters, trials: &few, unit: mean(&self.distances(&few)?) };
-        let mut best = (f64::INFINITY, nominal.clone());
-        for run in 0..2 {
-            let found = coarse.run(&nominal, STEPS[0], quarter, 2 * config.seed + run, &mut |own, worth| progress(done + own, worth))?;
-            done += quarter;
-            if found.0 < best.0 {
-                best = found;
+        let descended = if config.slopes { self.descended(&all, &few, config.evaluations as f64, progress)? } else { None };
+        let slopes = descended.is_some();
+        let ends = match descended {
+            Some(ends) => ends,
+            None => vec![searched(&all, &few, config, progress)?],
+        };
+        // What was gained on a few trials may be lost on all of them.
+        let (mut best, mut values) = (all.worth(&nominal)?, nominal);
+        for end in ends {
+            let own = all.worth(&end)?;
+            if own.0 < best.0 {
+                (best, values) = (own, end);
             }
         }
-        let rest = config.evaluations.saturating_sub(done);
-        let (_, values) = all.run(&best.1, STEPS[1], rest, config.seed, &mut |own, worth| progress(done + own, worth))?;
-        let (objective, after) = all.worth(&values)?;
-        Ok(Fit { values, objective, before: all.unit, after })
+        let (objective, after) = best;
+        Ok(Fit { values, objective, before: all.unit, after, evaluations: spent.get(), slopes })
     }
 
     /// The values to which slopes lead from nominal ones by the end of each stage that `budget` allows; nothing where there are no slopes.
     fn descended(
         &self,
-        parameters: &[Parameter],
-        [few, all]: [&[Trial]; 2],
+        all: &Search,
+        few: &[Trial],
         budget: f64,
         progress: &mut dyn FnMut(usize, f64),
     ) -> Result<Option<Vec<Vec<f64>>>, CalibrateError> {
+        let (parameters, spent) = (all.parameters, all.spent);
         if parameters.is_empty() {
             return Ok(None);
         }
         let mut values: Vec<f64> = parameters.iter().map(|p| p.at(p.place(p.nominal).clamp(INSIDE, 1.0 - INSIDE))).collect();
-        let (mut done, mut ends) = (0.0, Vec::new());
+        let mut ends = Vec::new();
         for [frames, share] in STAGES {
-            let trials: Vec<Trial> = if share < 1.0 { few } else { all }.iter().map(|trial| trial.begun(frames)).collect();
-            let search = Search { subject: self, parameters, trials: &trials, unit: mean(&self.distances(&trials)?) };
-            let (worth, bent) = (|v: &[f64]| Ok(search.worth(v)?.0), |v: &[f64]| self.bent(parameters, v, &trials, &search.unit));
-            let Some((own, best)) = descend(parameters, &mut values, (budget - done) / (frames * share), worth, bent)? else {
-                return Ok(None);
+            let trials: Vec<Trial> = if share < 1.0 { few } else { all.trials }.iter().map(|trial| trial.begun(frames)).collect();
+            let search = Search::new(self, parameters, &trials, frames * share, spent)?;
+            let pass = PASS * search.share;
+            let bent = |v: &[f64]| {
+                spent.set(spent.get() + pass);
+                self.bent(parameters, v, &trials, &search.unit)
             };
-            done += own * frames * share;
-            progress(done as usize, best);
+            let may = || spent.get() + pass < budget;
+            let Some(best) = descend(parameters, &mut values, may, |v| Ok(search.worth(v)?.0), bent)? else { return Ok(None) };
+            progress(spent.get() as usize, best);
             ends.push(values.clone());
         }
         Ok(Some(ends))

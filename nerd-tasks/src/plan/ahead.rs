@@ -21,7 +21,8 @@ pub(super) struct Ahead {
 }
 
 impl Ahead {
-    pub fn new(episodes: Episodes, copies: usize, steps: usize) -> Self {
+    pub fn new(mut episodes: Episodes, copies: usize, steps: usize) -> Self {
+        episodes.copies = true;
         Self { episodes, copies, steps, plans: Vec::new(), pasts: Vec::new() }
     }
 

@@ -115,7 +115,9 @@ impl Ilqr {
             for (env, cost) in costs.iter_mut().enumerate() {
                 let squares: f64 = episodes.residuals(env).iter().map(|r| r * r).sum();
                 let effort: f64 = actions[env * width..][..width].iter().map(|u| self.config.effort * u * u).sum();
-                *cost += if failed[env] || episodes.over(env) { OVER } else { 0.5 * (squares + effort) };
+                let own = 0.5 * (squares + effort);
+                // What is no number costs the most, too.
+                *cost += if !failed[env] && own < OVER && !episodes.over(env) { own } else { OVER };
             }
             all.push(actions);
         }
@@ -123,15 +125,15 @@ impl Ilqr {
         Ok(Rolled { costs, states, torques, actions: all })
     }
 
-    /// Takes the cheapest copy of every environment for its plan, and finds how to change that.
-    fn round(&mut self, present: &Episodes) -> Result<(), StepError> {
+    /// Takes the cheapest copy of each of some environments for its plan, and finds how to change that.
+    fn round(&mut self, present: &Episodes, envs: &[usize]) -> Result<(), StepError> {
         self.ahead.place(present)?;
         let rolled = self.roll()?;
         let (copies, size, robot) = (self.config.search, self.ahead.size(), present.simulation.batch.system.clone());
         let (width, d, joints) = (size / self.config.steps, robot.robot.state_dim(), robot.robot.joint_count());
-        let mut chosen = Vec::new();
-        for (of, law) in self.laws.iter_mut().enumerate() {
-            let costs = &rolled.costs[of * copies..][..copies];
+        let (mut chosen, mut changed) = (Vec::new(), Vec::new());
+        for &of in envs {
+            let (law, costs) = (&mut self.laws[of], &rolled.costs[of * copies..][..copies]);
             // The first of equals, which goes furthest.
             let best = (0..copies).fold(0, |best, k| if costs[k] < costs[best] { k } else { best });
             let [least, most, factor] = DAMPING;
@@ -139,21 +141,18 @@ impl Ilqr {
             let env = of * copies + best;
             let plan = &mut self.ahead.plans[of * size..][..size];
             plan.chunks_exact_mut(width).zip(&rolled.actions).for_each(|(plan, all)| plan.copy_from_slice(&all[env * width..][..width]));
+            changed.extend_from_slice(plan);
             chosen.push(env);
         }
         let of = |all: &[Vec<f64>], width: usize| -> Vec<f64> {
             chosen.iter().flat_map(|env| all.iter().flat_map(move |now| &now[env * width..][..width])).copied().collect()
         };
-        let (states, torques, plans) = (of(&rolled.states, d), of(&rolled.torques, joints), &self.ahead.plans);
-        let frames = self.config.steps * self.ahead.episodes.task.frames() as usize;
-        let steps = linearise(&mut self.ahead.episodes, present, (&states, &torques, plans), self.config.steps)?;
-        for ((law, steps), (states, plan)) in self
-            .laws
-            .iter_mut()
-            .zip(steps.chunks_exact(self.config.steps))
-            .zip(states.chunks_exact((frames + 1) * d).zip(plans.chunks_exact(size)))
-        {
-            let every = frames / self.config.steps;
+        let (states, torques) = (of(&rolled.states, d), of(&rolled.torques, joints));
+        let steps = linearise(&mut self.ahead.episodes, (present, envs), (&states, &torques, &changed), self.config.steps)?;
+        let every = self.ahead.episodes.task.frames() as usize;
+        let rows = states.chunks_exact((self.config.steps * every + 1) * d).zip(changed.chunks_exact(size));
+        for ((env, steps), (states, plan)) in envs.iter().zip(&steps).zip(rows) {
+            let law = &mut self.laws[*env];
             law.states = states.chunks_exact(d).step_by(every).map(<[f64]>::to_vec).collect();
             law.gains = gains(steps, plan, self.config.effort, law.damping);
         }
@@ -163,7 +162,8 @@ impl Ilqr {
 
 /// The way back over a plan: changes and gains of its actions.
 fn gains(steps: &[Step], plan: &[f64], effort: f64, damping: f64) -> Vec<(DVector<f64>, DMatrix<f64>)> {
-    let (size, width) = (steps[0].by_state.ncols(), steps[0].by_action.ncols());
+    let Some(first) = steps.first() else { return Vec::new() };
+    let (size, width) = (first.by_state.ncols(), first.by_action.ncols());
     let (mut slope, mut curve) = (DVector::zeros(size), DMatrix::zeros(size, size));
     let mut all = Vec::with_capacity(steps.len());
     for (step, plan) in steps.iter().zip(plan.chunks_exact(width)).rev() {
@@ -202,8 +202,11 @@ impl Planner for Ilqr {
         let begun = self.ahead.begin(present)?;
         begun.iter().for_each(|env| self.laws[*env] = Law { damping: 1.0, ..Law::default() });
         let [usual, first] = self.config.rounds;
-        for _ in 0..if begun.is_empty() { usual } else { first } {
-            self.round(present)?;
+        let mut rounds = vec![usual; present.len()];
+        begun.iter().for_each(|env| rounds[*env] = first);
+        for round in 0..rounds.iter().copied().max().unwrap_or(0) {
+            let envs: Vec<usize> = (0..rounds.len()).filter(|env| round < rounds[*env]).collect();
+            self.round(present, &envs)?;
         }
         for law in &mut self.laws {
             if !law.gains.is_empty() {

@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex};
 
 use nerd_sim::prelude::*;
-use nerd_sim::solver::{Slopes, commit};
+use nerd_sim::solver::{Fault, Slopes, commit};
 use nerd_tasks::formula::{Formulas, Number, Sight};
 use nerd_tasks::plan::{Ilqr, IlqrConfig, Mppi, MppiConfig, Planner};
 use nerd_tasks::{About, Episodes, named};
@@ -94,8 +94,19 @@ fn who_looks_ahead_remembers_what_was_done() {
     assert!(before.is_some_and(|force| force != 0.0), "nothing was done: {before:?}");
 }
 
-/// A cart without friction, of 1 kg, whose pole does not move.
-struct Rail;
+/// A cart without friction, of 1 kg, whose pole does not move; it notes how many frames it went back through.
+#[derive(Default)]
+struct Rail {
+    back: Arc<Mutex<Vec<usize>>>,
+    /// Between 2 and 5 m/s backwards its slopes are no numbers, or a fault.
+    bad: Option<Bad>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Bad {
+    NotANumber,
+    Fault,
+}
 
 /// Time of a frame of Cartpole (s).
 const FRAME: f64 = 1.0 / 60.0;
@@ -107,9 +118,18 @@ impl Solver for Rail {
         commit(batch, &mut next, &mut Vec::new())
     }
 
-    fn back(&mut self, _batch: &Batch, _torques: &[f64], _rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
+    fn back(&mut self, batch: &Batch, _torques: &[f64], rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
+        self.back.lock().expect("one thread").push(batch.len());
+        let bad = |env: usize, how: Bad| self.bad == Some(how) && (-5.0..-2.0).contains(&batch.state(env)[2]);
+        let faults = (0..batch.len()).filter(|env| bad(*env, Bad::Fault)).map(|env| Fault { env, frame: 0, reason: "none".into() });
+        let faults: Vec<Fault> = faults.collect();
+        if !faults.is_empty() {
+            return Err(StepError::Environments(faults));
+        }
         let torques = by_next.chunks_exact(4).flat_map(|row| [FRAME * row[2], 0.0]).collect();
-        Ok(Slopes { next: Vec::new(), states: by_next.to_vec(), torques })
+        let number = |k: usize| if bad(k / (4 * rows), Bad::NotANumber) { f64::NAN } else { 1.0 };
+        let states = by_next.iter().enumerate().map(|(k, by)| number(k) * by).collect();
+        Ok(Slopes { next: Vec::new(), states, torques })
     }
 }
 
@@ -136,13 +156,16 @@ impl Formulas for Stop {
     }
 }
 
+/// Environments `first ..` in which a cart is to be stopped.
+fn stops(rail: Rail, first: usize, n: usize) -> Episodes {
+    let system = System::named("cartpole").expect("built in");
+    let batch = Batch::new(&system, &system.scene("free").expect("known"), n);
+    Episodes::part(Box::new(Stop), Simulation::new(batch, rail), 5, first)
+}
+
 #[test]
 fn ilqr_of_a_linear_system_is_its_regulator() {
-    let system = System::named("cartpole").expect("built in");
-    let episodes = |n: usize| {
-        let batch = Batch::new(&system, &system.scene("free").expect("known"), n);
-        Episodes::new(Box::new(Stop), Simulation::new(batch, Rail), 5)
-    };
+    let episodes = |n: usize| stops(Rail::default(), 0, n);
     let effort = 0.1;
     let config = IlqrConfig { steps: 300, effort, rounds: [1, 24], search: 3 };
     let (truth, mut planner) = (episodes(2), Ilqr::new(episodes(6), config).expect("it has residuals"));
@@ -156,6 +179,40 @@ fn ilqr_of_a_linear_system_is_its_regulator() {
         let wanted = -a * b * w / (effort + b * b * w) * truth.view(env).state[2];
         println!("environment {env}: action {action:.9}, the regulator's {wanted:.9}");
         assert!(wanted.abs() > 0.01 && wanted.abs() < 1.0 && (action - wanted).abs() < 1e-9, "{action} {wanted}");
+    }
+}
+
+/// Environment 1 begins anew while environment 0 is under way, and its plan leads through where there are no slopes: neither changes what
+/// environment 0 does, or how often its frames are gone back through; and environment 1 plans with the slopes before those.
+#[test]
+fn ilqr_plans_for_each_environment_as_if_it_were_alone() {
+    let config = IlqrConfig { steps: 20, effort: 0.1, rounds: [1, 6], search: 3 };
+    for bad in [None, Some(Bad::NotANumber), Some(Bad::Fault)] {
+        let back = Arc::new(Mutex::default());
+        let rail = || Rail { back: Arc::clone(&back), bad };
+        let [mut planner, mut other] = [2, 1].map(|n| Ilqr::new(stops(rail(), 0, 3 * n), config).expect("it has residuals"));
+        let (mut all, mut alone, mut again) = (stops(rail(), 0, 2), stops(rail(), 0, 1), 0);
+        for step in 0..12 {
+            if step == 4 {
+                all.simulation.reset(1, &[0.0, 0.0, -20.0, 0.0]);
+            }
+            back.lock().expect("one thread").clear();
+            let actions = planner.act(&all).unwrap_or_else(|error| panic!("{bad:?}, step {step}: {error}"));
+            let sizes = back.lock().expect("one thread").clone();
+            assert_eq!(other.act(&alone).expect("it is slow")[0], actions[0], "{bad:?}, step {step}: a neighbour is heard");
+            match (step, bad) {
+                (0, _) => assert_eq!(sizes, [80; 6], "{bad:?}: six rounds for both"),
+                (4, None) => assert_eq!(sizes, [80, 40, 40, 40, 40, 40], "one round for both, five for who begins"),
+                (_, None) => assert_eq!(sizes, [80], "step {step}"),
+                _ => {}
+            }
+            again += sizes.iter().filter(|n| **n % 40 != 0).count();
+            assert!(step != 4 || actions[1] > 0.5, "{bad:?}: it does not brake, {}", actions[1]);
+            assert!(actions[1].is_finite(), "{bad:?}, step {step}: {}", actions[1]);
+            alone.step(&actions[..1]).expect("finite");
+            all.step(&actions).expect("finite");
+        }
+        assert_eq!(again > 0, bad == Some(Bad::Fault), "{bad:?}: {again} times without the frames that have none");
     }
 }
 

@@ -3,12 +3,10 @@
 mod split;
 mod tables;
 
-use nerd_sim::calibrate::{Engine, Fit, FitConfig, Parameter, Subject, Trial, mean, thinned};
-use nerd_sim::log::{Log, Published, specified};
-use rayon::prelude::*;
-
 use crate::prelude::*;
 use crate::roll::refusal;
+use nerd_sim::calibrate::{Engine, Fit, FitConfig, Parameter, Subject, Trial, mean, thinned};
+use nerd_sim::log::{Log, Published, specified};
 use split::{Parts, Scored, Split};
 
 /// Places of a profile, and rollouts behind each.
@@ -26,6 +24,8 @@ settings! {
         name: String = String::new(), Text;
         /// Solvers, comma-separated: articulated, rapier
         solvers: Vec<String> = vec!["articulated".into(), "rapier".into()], Texts;
+        /// How `articulated` is fitted, comma-separated: slopes, search; rapier, which has no slopes, is searched
+        by: Vec<String> = vec!["slopes".into()], Texts;
         /// Substeps of `articulated` (the implicit step)
         substeps: usize = 4, Whole(1..=1024);
         /// Parameters, comma-separated [default: all that free motion may determine]
@@ -50,6 +50,8 @@ settings! {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Calibrated {
     pub solver: String,
+    /// What it was fitted by: slopes, or a search.
+    pub by: String,
     /// Names of its parameters, with bounds around the nominal value, and units.
     pub parameters: Vec<(String, [f64; 3], String)>,
     pub splits: Vec<Split>,
@@ -96,24 +98,27 @@ impl Calibration {
         Ok((subject, parameters))
     }
 
-    fn calibrated(&self, log: &Log, solver: &str, parts: &[Parts]) -> Result<Calibrated> {
+    fn calibrated(&self, log: &Log, (solver, by): (&str, &str), parts: &[Parts]) -> Result<Calibrated> {
         let (subject, parameters) = self.subject(log, solver)?;
-        let bar = bar(solver, (parts.len() * self.evaluations) as u64);
+        let bar = bar(&format!("{solver} by {by}"), (parts.len() * self.evaluations) as u64);
         let one = |(k, part): (u64, &Parts)| -> Result<(Split, Fit)> {
             let mut before = 0;
             let progress = &mut |own: usize, _| {
                 bar.add(own.saturating_sub(before) as u64);
                 before = own;
             };
-            let config = FitConfig { evaluations: self.evaluations, trials: self.trials, seed: self.seed + k };
+            let (evaluations, trials, seed) = (self.evaluations, self.trials, self.seed + k);
+            let (config, begun) = (FitConfig { evaluations, trials, seed, slopes: by == "slopes" }, Instant::now());
             let fit = subject.fit(&parameters, &part.train, config, progress)?;
-            let fitted = subject.with(&parameters, &fit.values)?;
-            Ok((part.split(&subject, &fitted, &fit, self.seed + k)?, fit))
+            let (seconds, fitted) = (begun.elapsed().as_secs_f64(), subject.with(&parameters, &fit.values)?);
+            Ok((part.split(&subject, &fitted, (&fit, seconds), seed)?, fit))
         };
-        let found = parts.par_iter().enumerate().map(|(k, part)| one((k as u64, part))).collect::<Result<Vec<_>>>()?;
+        // One after the other, so that the clock is each one's own; trials are rolled out on all cores.
+        let found = parts.iter().enumerate().map(|(k, part)| one((k as u64, part))).collect::<Result<Vec<_>>>()?;
         let some: Vec<Trial> = thinned(&parts[0].train, BEHIND);
         let own = Fit { before: mean(&subject.distances(&some)?), ..found[0].1.clone() };
         let profiles = subject.profiles(&parameters, &own, &some, PLACES)?;
+        let found_by_slopes = own.slopes;
         let splits: Vec<Split> = found.into_iter().map(|(split, _)| split).collect();
         bar.finish();
         if !splits.iter().all(|s| s.fit.objective.is_finite()) || profiles.iter().flatten().any(|p| !p[1].is_finite()) {
@@ -121,15 +126,18 @@ impl Calibration {
         }
         let solver = if solver == "articulated" { format!("articulated implicit x{}", self.substeps) } else { solver.into() };
         let parameters = parameters.iter().map(|p| (p.name.clone(), [p.low, p.nominal, p.high], p.unit.into())).collect();
-        Ok(Calibrated { solver, parameters, splits, profiles })
+        let by = if found_by_slopes { "slopes" } else { "search" }.into();
+        Ok(Calibrated { solver, by, parameters, splits, profiles })
     }
 
     pub fn all(&self) -> Result<CalibratedAll> {
         let log = Log::read(&self.log, self.data.as_deref())?;
         log.notes.iter().for_each(|note| tell!("{note}"));
-        let twice = |names: &[String]| (1..names.len()).find(|&k| names[..k].contains(&names[k])).map(|k| names[k].clone());
-        if let Some(name) = twice(&self.parameters).or_else(|| twice(&self.solvers)) {
-            bail!("`{name}` is named twice");
+        bounds::once("--parameters", &self.parameters)?;
+        bounds::once("--solvers", &self.solvers)?;
+        bounds::once("--by", &self.by)?;
+        if let Some(other) = self.by.iter().find(|by| !["slopes", "search"].contains(&by.as_str())) {
+            bail!("--by {other}: choose from slopes, search");
         }
         self.solvers.iter().try_for_each(|solver| self.engine(solver).map(drop))?;
         let ready = able(&self.solvers, |solver| self.subject(&log, solver).map(|_| solver))?;
@@ -137,7 +145,17 @@ impl Calibration {
         let seeds = self.seed..self.seed + self.splits as u64;
         let parts: Vec<Parts> = seeds.clone().map(|seed| Parts::new(&log, &trials, self.train, seed)).collect::<Result<_>>()?;
         let still = parts.iter().zip(seeds).map(|(part, seed)| part.still(&log, seed)).collect();
-        let fitted = able(&ready, |solver| self.calibrated(&log, solver, &parts))?;
+        let fitted = able(&ready, |solver| {
+            let (mut all, search): (Vec<Calibrated>, _) = (Vec::new(), vec!["search".to_string()]);
+            for by in if solver == "rapier" { &search } else { &self.by } {
+                // A robot without slopes has been searched already.
+                if all.iter().all(|fitted| fitted.by != *by) {
+                    all.push(self.calibrated(&log, (solver, by), &parts)?);
+                }
+            }
+            Ok(all)
+        })?
+        .concat();
         let (sizes, robot) = ([log.trajectories.len(), trials.len()], log.system.name.clone());
         Ok(CalibratedAll { settings: self.clone(), robot, notes: log.notes, sizes, still, published: log.published, fitted })
     }
@@ -174,13 +192,13 @@ impl Experiment for Calibration {
             let setting = if solver == "rapier" { Setting::RapierSteps(1) } else { Setting::Implicit(self.substeps) };
             inputs.add(Input::motion("cube", "ground", &setting)?);
         }
-        let effort = (self.splits * self.solvers.len() * self.evaluations * self.trials) as f64;
+        let effort = (self.splits * self.solvers.len() * self.by.len() * self.evaluations * self.trials) as f64;
         Ok(About { name, seed: self.seed, effort, inputs })
     }
 
     fn measure(&self) -> Result<Measured> {
         let found = self.all()?;
-        let mut measured = Measured::new(&found, vec![found.errors(), found.parameters()])?;
+        let mut measured = Measured::new(&found, vec![found.errors(), found.fits(), found.parameters()])?;
         let first = found.fitted.first().filter(|solver| !solver.profiles.is_empty());
         measured.figures.extend(first.map(|solver| ("figure".into(), solver.figure())));
         Ok(measured)

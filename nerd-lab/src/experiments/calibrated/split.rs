@@ -40,6 +40,10 @@ pub struct Split {
 pub struct FitOf {
     pub values: Vec<f64>,
     pub objective: f64,
+    /// See [`Fit::evaluations`].
+    pub evaluations: f64,
+    /// Wall clock.
+    pub seconds: f64,
 }
 
 /// Shares of the trajectories that are judged on, of those that are not fitted to: the paper's 85 of 170.
@@ -72,11 +76,11 @@ impl Parts {
         Ok(parts)
     }
 
-    pub fn split(&self, before: &Subject, after: &Subject, fit: &Fit, seed: u64) -> Result<Split> {
+    pub fn split(&self, before: &Subject, after: &Subject, (fit, seconds): (&Fit, f64), seed: u64) -> Result<Split> {
         let of = |subject: &Subject, trials: &[Trial]| -> Result<Scored> { Ok(Scored::new(trials, &subject.distances(trials)?, seed)) };
         Ok(Split {
             judged: self.ids.clone(),
-            fit: FitOf { values: fit.values.clone(), objective: fit.objective },
+            fit: FitOf { values: fit.values.clone(), objective: fit.objective, evaluations: fit.evaluations, seconds },
             before: of(before, &self.judged)?,
             after: of(after, &self.judged)?,
             whole_before: of(before, &self.whole)?,

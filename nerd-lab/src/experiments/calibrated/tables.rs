@@ -18,9 +18,17 @@ impl CalibratedAll {
             figures.into_iter().chain(std::iter::repeat_n("-".to_string(), none)).collect()
         }));
         for solver in &self.fitted {
+            let before = self.described(solver);
             let of = |field: fn(&Split) -> &Scored| solver.splits.iter().map(field).collect::<Vec<_>>();
-            rows.push(line(&format!("{}, as described", solver.solver), joints, &of(|s| &s.before), Some(&of(|s| &s.whole_before))));
-            rows.push(line(&format!("{}, calibrated", solver.solver), joints, &of(|s| &s.after), Some(&of(|s| &s.whole_after))));
+            if before {
+                rows.push(line(&format!("{}, as described", solver.solver), joints, &of(|s| &s.before), Some(&of(|s| &s.whole_before))));
+            }
+            rows.push(line(
+                &format!("{}, calibrated by {}", solver.solver, solver.by),
+                joints,
+                &of(|s| &s.after),
+                Some(&of(|s| &s.whole_after)),
+            ));
         }
         let mut header = vec!["method", "position (m)", "rotation (rad)"];
         header.extend(joints.then_some("joints (rad or m)"));
@@ -38,8 +46,30 @@ impl CalibratedAll {
         ))
     }
 
+    /// Whether it is the first fit of its solver.
+    fn described(&self, fitted: &Calibrated) -> bool {
+        self.fitted.iter().find(|other| other.solver == fitted.solver).is_some_and(|first| first.by == fitted.by)
+    }
+
+    /// What each fit took, and what it is worth.
+    pub(super) fn fits(&self) -> Table {
+        let line = |solver: &Calibrated, k: usize, split: &Split| {
+            let (fit, apart) = (&split.fit, &split.after.mean);
+            let figures =
+                [digits(fit.evaluations), digits(fit.seconds), digits(fit.objective), digits(apart.position), digits(apart.rotation)];
+            [solver.solver.clone(), solver.by.clone(), k.to_string()].into_iter().chain(figures).collect()
+        };
+        let rows = self.fitted.iter().flat_map(|solver| solver.splits.iter().enumerate().map(move |(k, split)| line(solver, k + 1, split)));
+        let header = ["solver", "by", "split", "evaluations", "wall clock (s)", "objective", "position (m)", "rotation (rad)"];
+        Table::new("fits", &header).with(rows).noted(&format!(
+            "Evaluations of the objective over {} rollouts of the fitted part; one over fewer or shorter ones counts as its share, a round's \
+             slopes ten. Objective: mean distances there, in units of those as described. Position and rotation: on the judged part.",
+            self.settings.trials
+        ))
+    }
+
     pub(super) fn parameters(&self) -> Table {
-        let rows = self.fitted.iter().flat_map(|solver| {
+        let rows = self.fitted.iter().filter(|solver| self.described(solver)).flat_map(|solver| {
             solver.parameters.iter().enumerate().map(|(k, (name, [low, nominal, high], unit))| {
                 let [value, spread] = over_splits(solver, k);
                 let word = match rise(solver, k) {
