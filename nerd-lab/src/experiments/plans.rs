@@ -5,7 +5,6 @@ use nerd_tasks::Episodes;
 use nerd_tasks::plan::{Ilqr, IlqrConfig, Mppi, MppiConfig, Planner};
 use nerd_train::ppo::{Actor, Game, folder, plan, play};
 
-use nerd_train::cost::on_one_core;
 use rayon::prelude::*;
 
 use super::games::{Reward, policy_of, truth_of};
@@ -68,20 +67,13 @@ pub struct Row {
     pub steps: usize,
 }
 
-/// Time that this thread has computed, which other programs hardly lengthen; where the system does not say, the clock.
-fn busy(begun: Instant) -> Duration {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();
-    text.split_whitespace().next().and_then(|n| n.parse().ok()).map_or_else(|| begun.elapsed(), Duration::from_nanos)
-}
-
-/// Actions a second of a planner for one environment on one thread, as far as that can be stepped; on a card by the clock.
-fn paced(mut planner: Box<dyn Planner>, truth: &mut Episodes, card: bool) -> Result<f64> {
-    let (mut spent, mut done, begun) = (Duration::ZERO, 0_u32, Instant::now());
-    let now = || if card { begun.elapsed() } else { busy(begun) };
+/// Actions a second of a planner for one environment, as far as that can be stepped.
+fn paced(mut planner: Box<dyn Planner>, truth: &mut Episodes) -> Result<f64> {
+    let (mut spent, mut done) = (Duration::ZERO, 0_u32);
     while done < PACED {
-        let from = now();
-        let planned = planner.act(truth).map(|actions| (now() - from, actions));
-        match planned.and_then(|(own, actions)| truth.step(&actions).map(|_| own)) {
+        let begun = Instant::now();
+        let stepped = planner.act(truth).map(|actions| (begun.elapsed(), actions)).and_then(|(own, a)| truth.step(&a).map(|_| own));
+        match stepped {
             Ok(own) => (spent, done) = (spent + own, done + 1),
             Err(error) => {
                 error.faults()?;
@@ -89,7 +81,7 @@ fn paced(mut planner: Box<dyn Planner>, truth: &mut Episodes, card: bool) -> Res
             }
         }
     }
-    Ok(f64::from(done) / spent.as_secs_f64().max(1e-9))
+    Ok(f64::from(done) / spent.as_secs_f64().max(f64::MIN_POSITIVE))
 }
 
 /// Does nothing.
@@ -169,7 +161,7 @@ impl Plans {
         let truth = Arena::Truth(Truth::Articulated);
         let (planner, [plans, steps]) = (self.planner(name, task, arena, 1)?, self.sizes(name, task)?);
         let mut one = truth.episodes(task, 1, self.seed)?;
-        let hertz = on_one_core(|| paced(planner, &mut one, arena.on_gpu()))?;
+        let hertz = rayon::ThreadPoolBuilder::new().num_threads(1).build()?.install(|| paced(planner, &mut one))?;
         let title = arena.title()?;
         let bar = bar(&format!("games of {task}, {name} in {title}"), self.games as u64);
         // Alone each, so that all cores have something to do, or all at once on a card; what is drawn is the game's own.
@@ -201,9 +193,9 @@ impl Plans {
         let (policy, truth) = (policy_of(path, task)?, Arena::Truth(Truth::Articulated));
         let actor = Actor::new(policy.clone());
         let seen = vec![0.1; policy.shape.stack * nerd_tasks::named(task)?.observation_dim()];
-        let (begun, from) = (Instant::now(), busy(Instant::now()));
+        let begun = Instant::now();
         (0..ANSWERS).for_each(|_| drop(std::hint::black_box(actor.mean(&seen))));
-        let hertz = f64::from(ANSWERS) / (busy(begun) - from).as_secs_f64().max(1e-9);
+        let hertz = f64::from(ANSWERS) / begun.elapsed().as_secs_f64();
         let games = play(&policy, &mut truth.episodes(task, self.games, self.seed)?, &mut |_| ())?;
         Ok(Row { planner: "policy".into(), hertz, ..row(task, &folder::load(path)?.0.solver, &games, self.games) })
     }
@@ -274,7 +266,7 @@ impl Experiment for Plans {
         let header = ["task", "by", "planned or trained in", "plans x steps", "games", "success (%)", "reward", "Hz on one core"];
         let note = "Acted in the truth. Success: the episode goes on to its end, and throughout its last quarter the pole is within 0.2 rad of \
                     upright, the torso within 0.5 m of its point, the hand within 0.05 m of its target; actions beyond a torque's limits are \
-                    clamped. Hz: actions a second for one environment, of one thread's own time. +-: standard error over games.";
+                    clamped. Hz: actions a second for one environment on one thread. +-: standard error over games.";
         let lost: usize = rows.iter().map(|r| r.lost).sum();
         let note = if lost == 0 { note.into() } else { format!("{note} {lost} were broken off, since a start could not be stepped.") };
         let table = Table::new("plans", &header).with(rows.iter().map(line)).noted(&note);

@@ -32,7 +32,7 @@ fn a_shifted_mass_and_a_smooth_table_are_found() {
     let subject = self::subject(&log.system);
     let trials = log.trials(40, 20);
     let chosen = parameters(&log.system, &names);
-    let config = FitConfig { evaluations: 400, trials: 24, seed: 1 };
+    let config = FitConfig { evaluations: 400, trials: 24, seed: 1, ..FitConfig::default() };
     let mut told = 0;
     let fit = subject.fit(&chosen, &trials, config, &mut |done, _| told = done).expect("a fit");
     println!("{:?}, objective {}", fit.values, fit.objective);
@@ -87,7 +87,7 @@ fn what_is_right_already_weighs_nothing() {
     let chosen = parameters(&system, &["com.x", "inertia"]);
     for engine in [subject.engine, Engine::Rapier(RapierConfig::default())] {
         let subject = Subject { engine, ..subject.clone() };
-        let config = FitConfig { evaluations: 40, trials: 1, seed: u64::MAX };
+        let config = FitConfig { evaluations: 40, trials: 1, seed: u64::MAX, ..FitConfig::default() };
         let fit = subject.fit(&chosen, std::slice::from_ref(&trial), config, &mut |_, _| ()).expect("a fit");
         println!("{:?} from {:?}, objective {}", fit.after, fit.before, fit.objective);
         assert!(fit.objective.is_finite() && fit.values.iter().all(|v| v.is_finite()), "{fit:?}");
