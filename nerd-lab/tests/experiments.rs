@@ -203,7 +203,8 @@ impl Solver for Broken {
 
 #[test]
 fn a_planner_that_cannot_look_ahead_fails_in_its_games_and_ends_nothing() {
-    let arena = Arena::Guest("broken".into(), std::sync::Arc::new(|_, _| Ok(Box::new(Broken))));
+    let make = |_: &Arc<System>, _: &Arc<Scene>| -> nerd_train::Result<Box<dyn Solver>> { Ok(Box::new(Broken)) };
+    let arena = Arena::Guest("broken".into(), Arc::new(make));
     for planner in ["mppi", "ilqr"] {
         let row = plans(&["x1"]).row("cartpole-swingup", planner, &arena).unwrap_or_else(|error| panic!("{planner}: {error}"));
         assert!(row.games == 2 && row.success == 0.0 && row.hertz > 0.0 && row.reward.is_some(), "{planner}: {row:?}");

@@ -70,27 +70,23 @@ fn twice_the_size_under_twice_the_gravity_moves_alike() {
     assert!(off < 1e-9 && (a[0] - 0.3).abs() > 0.1, "{off:e} rad apart after a second: {a:?}, {b:?}");
 }
 
-/// A motion that is where it was measured to be, but turned otherwise, says how to turn: places without an error have no unit and no weight.
-/// And every seed is a seed.
+/// Tosses that end where they were measured to, but turned as a cube of more inertia: places without an error have no unit and no weight, and
+/// angles alone say what the inertia is. And every seed is a seed.
 #[test]
 fn what_is_right_already_weighs_nothing() {
-    let system = cube();
-    let subject = self::subject(&system);
-    let mut start = system.default_state();
-    (start[2], start[10]) = (0.3, 1.0);
-    let mut trial = Trial { id: 0, measured: vec![start[..7].to_vec(); 20], torques: vec![Vec::new(); 19], start };
-    trial.measured = subject.roll(std::slice::from_ref(&trial)).expect("a rollout").remove(0);
-    for (k, q) in trial.measured.iter_mut().enumerate() {
-        let angle = 0.001 * k as f64;
-        (q[5], q[6]) = (angle.sin(), angle.cos());
+    let (log, truth) = (log(&["inertia"], &[1.2]), 1.2);
+    let (subject, mut trials) = (self::subject(&log.system), log.trials(40, 20));
+    let own = subject.roll(&trials).expect("rollouts");
+    for (trial, own) in trials.iter_mut().zip(own) {
+        trial.measured.iter_mut().zip(own).for_each(|(q, own)| q[..3].copy_from_slice(&own[..3]));
     }
-    let chosen = parameters(&system, &["com.x", "inertia"]);
-    for engine in [subject.engine, Engine::Rapier(RapierConfig::default())] {
-        let subject = Subject { engine, ..subject.clone() };
-        let config = FitConfig { evaluations: 40, trials: 1, seed: u64::MAX, ..FitConfig::default() };
-        let fit = subject.fit(&chosen, std::slice::from_ref(&trial), config, &mut |_, _| ()).expect("a fit");
-        println!("{:?} from {:?}, objective {}", fit.after, fit.before, fit.objective);
-        assert!(fit.objective.is_finite() && fit.values.iter().all(|v| v.is_finite()), "{fit:?}");
+    let chosen = parameters(&log.system, &["inertia"]);
+    let config = FitConfig { evaluations: 200, trials: 24, seed: u64::MAX, ..FitConfig::default() };
+    for slopes in [true, false] {
+        let fit = subject.fit(&chosen, &trials, FitConfig { slopes, ..config }, &mut |_, _| ()).expect("a fit");
+        println!("{:?}, {:?} from {:?}, {} evaluations", fit.values, fit.after, fit.before, fit.evaluations);
+        assert!(fit.slopes == slopes && fit.before.position == 0.0, "{fit:?}");
+        assert!((fit.values[0] - truth).abs() < 0.02, "slopes {slopes}: {fit:?}");
     }
 }
 
