@@ -8,7 +8,7 @@ use nerd_train::ppo::{Actor, Game, folder, plan, play};
 
 use rayon::prelude::*;
 
-use super::games::{Reward, policy_of, truth_of};
+use super::games::{Reward, arena_of, input_of, policy_of, truth_of};
 use crate::prelude::*;
 
 /// Steps by which a pace is measured.
@@ -26,7 +26,7 @@ settings! {
         /// Planners, comma-separated: mppi, ilqr
         planner: Vec<String> = ["mppi", "ilqr"].map(String::from).into(), Texts;
         /// Where they look ahead, comma-separated: neural (the model that comes with the project), or x1, x2, x4 and so on (articulated
-        /// with so many substeps)
+        /// with so many substeps), or truth
         ahead: Vec<String> = ["neural", "x1", "x2", "x4"].map(String::from).into(), Texts;
         /// Games of each
         games: usize = 100, Whole(STARTS);
@@ -119,20 +119,8 @@ impl Plans {
         Ok(if name == "mppi" { Box::new(Mppi::new(episodes, self.mppi(task))) } else { Box::new(Ilqr::new(episodes, self.ilqr(task))?) })
     }
 
-    fn arena(&self, task: &str, ahead: &str) -> Result<Arena> {
-        let robot = nerd_tasks::named(task)?.robot();
-        if ahead == "neural" {
-            return Ok(Arena::Model { folder: shipped::model_of_task(task, robot), device: Device::Cpu });
-        }
-        let Some(n) = ahead.strip_prefix('x').and_then(|n| n.parse().ok()).filter(|n| *n > 0) else {
-            bail!("--set ahead={ahead}: neural, or a number of substeps as in x4 is needed");
-        };
-        let bare = System::named(robot)?.robot.contact_points.is_empty();
-        Ok(Arena::Judge(if bare { Setting::Rk4(n) } else { Setting::Implicit(n) }))
-    }
-
     fn row(&self, task: &str, name: &str, ahead: &str) -> Result<Row> {
-        let (arena, truth) = (self.arena(task, ahead)?, Arena::Truth(Truth::Articulated));
+        let (arena, truth) = (arena_of(task, ahead, Device::Cpu)?, Arena::Truth(Truth::Articulated));
         let (planner, [plans, steps]) = (self.planner(name, task, &arena)?, self.sizes(name, task)?);
         let mut one = truth.episodes(task, 1, self.seed)?;
         let hertz = rayon::ThreadPoolBuilder::new().num_threads(1).build()?.install(|| paced(planner, &mut one))?;
@@ -190,11 +178,7 @@ impl Experiment for Plans {
                 }
             }
             for ahead in &self.ahead {
-                match self.arena(task, ahead)? {
-                    Arena::Model { folder, .. } => inputs.add(Input::model(&folder)?),
-                    Arena::Judge(setting) => inputs.add(Input::motion(of.robot(), of.scene(), &setting)?),
-                    _ => {}
-                }
+                inputs.add(input_of(task, &arena_of(task, ahead, Device::Cpu)?)?);
             }
             if let Some(path) = self.policy(task)? {
                 inputs.add(Input::policy(&path)?);
