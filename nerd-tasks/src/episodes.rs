@@ -241,6 +241,12 @@ impl Episodes {
         )))
     }
 
+    /// Begins the next episode in an environment, whatever its present one came to.
+    pub fn begin(&mut self, env: usize) {
+        self.restart(env);
+        self.observe(|other| other == env);
+    }
+
     fn restart(&mut self, env: usize) {
         let mut rng = stream(self.seed, ((self.first + env) as u64) << 32 | self.begun[env]);
         self.begun[env] += 1;

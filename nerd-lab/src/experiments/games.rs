@@ -65,6 +65,46 @@ fn gap_error(real: &[Game], learned: &[Game]) -> f64 {
     100.0 * real.iter().zip(learned).map(square).sum::<f64>().sqrt() / (real.len() as f64 * r.abs())
 }
 
+/// Where a task's episodes run, in a word: `neural` (the model that comes with the project), `truth`, or `x4` and so on (articulated with so
+/// many substeps, implicit ones where the robot touches anything).
+pub fn arena_of(task: &str, word: &str, device: Device) -> Result<Arena> {
+    let robot = named(task)?.robot();
+    if word == "neural" {
+        return Ok(Arena::Model { folder: shipped::model_of_task(task, robot), device });
+    }
+    let bare = System::named(robot)?.robot.contact_points.is_empty();
+    let number = word.strip_prefix('x').and_then(|n| n.parse::<u64>().ok().filter(|own| own.to_string() == n));
+    let setting = match number.filter(|n| SUBSTEPS.contains(n)).map(|n| n as usize) {
+        Some(n) if bare => Setting::Rk4(n),
+        Some(n) => Setting::Implicit(n),
+        _ if word == "truth" => Setting::Accurate,
+        _ => bail!("{word}: neural, truth, or a number of substeps as in x4 is needed, {} at most", SUBSTEPS.end()),
+    };
+    #[cfg(feature = "cuda")]
+    if device.is_cuda() {
+        return Ok(Arena::Card(setting));
+    }
+    #[cfg(not(feature = "cuda"))]
+    if device.is_cuda() {
+        bail!("device {device}: articulated is computed there in a build with `--features cuda`");
+    }
+    Ok(if word == "truth" { Arena::Truth(Truth::Articulated) } else { Arena::Judge(setting) })
+}
+
+/// What an arena's motions depend on.
+pub fn input_of(task: &str, arena: &Arena) -> Result<Input> {
+    let setting = match arena {
+        Arena::Model { folder, .. } => return Input::model(folder),
+        Arena::Truth(truth) => (*truth).into(),
+        Arena::Judge(setting) => setting.clone(),
+        #[cfg(feature = "cuda")]
+        Arena::Card(setting) => setting.clone(),
+        Arena::Guest(name, _) => bail!("{name} is known by its name alone"),
+    };
+    let task = named(task)?;
+    Input::motion(task.robot(), task.scene(), &setting)
+}
+
 /// Plays so many games of a task under mean actions. Games of the same seed begin alike, wherever they are played.
 pub fn games(task: &str, arena: &Arena, policy: &Policy, n: usize, seed: u64) -> Result<Vec<Game>> {
     if n == 0 {

@@ -5,12 +5,14 @@ pub mod benchmark;
 pub mod calibrated;
 pub mod chart;
 pub mod games;
+pub mod gradients;
 pub mod judges;
 pub mod learned;
 pub mod motions;
 pub mod passive;
 pub mod plans;
 pub mod policies;
+pub mod race;
 pub mod registry;
 pub mod stability;
 

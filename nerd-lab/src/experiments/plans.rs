@@ -7,7 +7,7 @@ use nerd_train::ppo::{Actor, Game, folder, plan, play};
 
 use rayon::prelude::*;
 
-use super::games::{Reward, policy_of, truth_of};
+use super::games::{Reward, arena_of, input_of, policy_of, truth_of};
 use crate::prelude::*;
 
 /// Steps by which a pace is measured.
@@ -25,7 +25,7 @@ settings! {
         /// Planners, comma-separated: mppi, ilqr
         planner: Vec<String> = ["mppi", "ilqr"].map(String::from).into(), Texts;
         /// Where they look ahead, comma-separated: neural (the model that comes with the project), or x1, x2, x4 and so on (articulated
-        /// with so many substeps)
+        /// with so many substeps), or truth
         ahead: Vec<String> = ["neural", "x1", "x2", "x4"].map(String::from).into(), Texts;
         /// Where that is computed: cpu, or cuda
         device: Device = Device::Cpu, Words(&["cpu", "cuda"]);
@@ -138,24 +138,6 @@ impl Plans {
         Ok(if name == "mppi" { Box::new(Mppi::new(episodes, self.mppi(task))) } else { Box::new(Ilqr::new(episodes, self.ilqr(task))?) })
     }
 
-    fn arena(&self, task: &str, ahead: &str) -> Result<Arena> {
-        let robot = nerd_tasks::named(task)?.robot();
-        if ahead == "neural" {
-            return Ok(Arena::Model { folder: shipped::model_of_task(task, robot), device: self.device });
-        }
-        let number = ahead.strip_prefix('x').and_then(|n| n.parse::<u64>().ok().filter(|own| own.to_string() == n));
-        let Some(n) = number.filter(|n| SUBSTEPS.contains(n)) else {
-            bail!("--set ahead={ahead}: neural, or a number of substeps as in x4 is needed, {} at most", SUBSTEPS.end());
-        };
-        let bare = System::named(robot)?.robot.contact_points.is_empty();
-        let setting = if bare { Setting::Rk4(n as usize) } else { Setting::Implicit(n as usize) };
-        #[cfg(feature = "cuda")]
-        if self.device.is_cuda() {
-            return Ok(Arena::Card(setting));
-        }
-        Ok(Arena::Judge(setting))
-    }
-
     /// What a planner that looks ahead somewhere reaches in the truth.
     pub fn row(&self, task: &str, name: &str, arena: &Arena) -> Result<Row> {
         let truth = Arena::Truth(Truth::Articulated);
@@ -229,13 +211,7 @@ impl Experiment for Plans {
                 }
             }
             for ahead in &self.ahead {
-                match self.arena(task, ahead)? {
-                    Arena::Model { folder, .. } => inputs.add(Input::model(&folder)?),
-                    #[cfg(feature = "cuda")]
-                    Arena::Card(setting) => inputs.add(Input::motion(of.robot(), of.scene(), &setting)?),
-                    Arena::Judge(setting) => inputs.add(Input::motion(of.robot(), of.scene(), &setting)?),
-                    _ => {}
-                }
+                inputs.add(input_of(task, &arena_of(task, ahead, self.device)?)?);
             }
             if let Some(path) = self.policy(task)? {
                 inputs.add(Input::policy(&path)?);
@@ -249,7 +225,7 @@ impl Experiment for Plans {
         let mut rows = Vec::new();
         for task in &self.task {
             for (planner, ahead) in self.planner.iter().flat_map(|planner| self.ahead.iter().map(move |ahead| (planner, ahead))) {
-                rows.push(self.row(task, planner, &self.arena(task, ahead)?)?);
+                rows.push(self.row(task, planner, &arena_of(task, ahead, self.device)?)?);
             }
             rows.push(self.still(task)?);
             if let Some(path) = self.policy(task)? {

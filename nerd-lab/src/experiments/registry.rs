@@ -13,8 +13,12 @@ pub struct Entry {
     make: fn(&Given) -> Result<Box<dyn Experiment>>,
 }
 
-pub static REGISTRY: [Entry; 5] = [
+pub static REGISTRY: [Entry; 7] = [
     entry::<super::benchmark::Benchmark>("benchmark", "Solvers on graphics cards (needs --features cuda)"),
+    entry::<super::gradients::Gradients>(
+        "gradients",
+        "How a policy's gradient varies with its horizon, through a model and through articulated",
+    ),
     entry::<super::judges::Judges>(
         "judges",
         "Policies in solvers that they never trained in: finer steps, rapier, the reference's preset, MuJoCo",
@@ -25,6 +29,7 @@ pub static REGISTRY: [Entry; 5] = [
         "policies",
         "Policies in the truth and in the model that learned it; with `fresh`, the strict protocol",
     ),
+    entry::<super::race::Race>("race", "Policies that learn against the clock, by PPO and by SHAC, in a model and in articulated"),
 ];
 
 const fn entry<T: Settings + Experiment + 'static>(name: &'static str, about: &'static str) -> Entry {

@@ -11,7 +11,7 @@ use nerd_tasks::Snapshot;
 
 use super::folder::{get, put};
 use super::team::Team;
-use super::{PpoConfig, Trainer};
+use super::{Algorithm, PpoConfig, Trainer};
 use crate::difference::between;
 use crate::error::Result;
 use crate::ranks::RankError;
@@ -68,7 +68,11 @@ impl Trainer {
         let file = Tensors::open(path)?;
         let counts = file.u64("counts", Some(3))?;
         let config: PpoConfig = serde_json::from_str(file.word("config")?).map_err(|e| file.wrong(e))?;
-        // A run may be made longer.
+        let (begun, wanted) = (config.iterations, self.config.iterations);
+        if self.config.algorithm == Algorithm::Shac && begun != wanted {
+            return Err(file.wrong(format!("SHAC's rate falls over all {begun} iterations of this run: it cannot become one of {wanted}")));
+        }
+        // Any other may be made longer.
         let config = PpoConfig { iterations: self.config.iterations, ..config };
         let whole = |config, run: &str, seed| serde_json::json!({ "run": run, "seed": seed, "settings": config }).to_string();
         let (found, asked) = (whole(&config, file.word("run")?, counts[2]), whole(&self.config, run, self.seed));

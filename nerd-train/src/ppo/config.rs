@@ -27,11 +27,14 @@ impl Algorithm {
     }
 }
 
+/// Settings that PPO alone has a use for.
+const OF_PPO: [&str; 8] = ["stack", "spread_by_state", "clip", "value_clip", "critic", "entropy", "bounds", "kl"];
+
 /// Settings of a run; what a file leaves out is [`PpoConfig::default`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PpoConfig {
-    /// How it learns; SHAC has no use for `clip`, `value_clip`, `critic`, `entropy`, `bounds` and `kl`. Default: ppo.
+    /// How it learns; SHAC has no use for `stack`, `spread_by_state`, `clip`, `value_clip`, `critic`, `entropy`, `bounds` and `kl`. Default: ppo.
     #[serde(skip_serializing_if = "Algorithm::usual")]
     pub algorithm: Algorithm,
     /// Environments. Default: 256.
@@ -146,9 +149,19 @@ impl PpoConfig {
     /// From TOML.
     pub fn from_text(text: &str) -> Result<Self> {
         let wrong = |reason: String| Error::Refused(format!("PPO settings: {reason}"));
-        let config: Self = toml::from_str(text).map_err(|e| wrong(e.to_string().trim().replace('\n', " ")))?;
-        config.check().map_err(wrong)?;
+        let said = |e: toml::de::Error| wrong(e.to_string().trim().replace('\n', " "));
+        let config: Self = toml::from_str(text).map_err(said)?;
+        let given: toml::Table = toml::from_str(text).map_err(said)?;
+        config.used(|key| given.contains_key(key)).and_then(|()| config.check()).map_err(wrong)?;
         Ok(config)
+    }
+
+    /// Refuses a setting that was given and means nothing to SHAC.
+    fn used(&self, given: impl Fn(&str) -> bool) -> Result<(), String> {
+        match OF_PPO.iter().find(|key| self.algorithm == Algorithm::Shac && given(key)) {
+            Some(key) => Err(format!("SHAC has no use for `{key}`: leave it out, or train by PPO")),
+            None => Ok(()),
+        }
     }
 
     /// Steps of an iteration.
@@ -158,6 +171,8 @@ impl PpoConfig {
 
     /// Refuses what no run can be made of, or none that memory bears.
     pub fn check(&self) -> Result<(), String> {
+        let [own, usual] = [self, &Self::default()].map(|config| serde_json::json!(config));
+        self.used(|key| own[key] != usual[key])?;
         let steps = self.environments.saturating_mul(self.horizon);
         let whole = |n: usize, most: usize| (n as f64, 1.0..=most as f64);
         let ranges = [

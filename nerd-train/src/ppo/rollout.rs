@@ -51,7 +51,7 @@ pub struct Ended {
 pub struct Taken {
     /// Episodes that ended, in order.
     pub ended: Vec<Ended>,
-    /// Episodes that the solver could not go on with.
+    /// Episodes that the solver could not go on with, or that were broken off for a frame without slopes.
     pub failed: usize,
 }
 
@@ -83,6 +83,13 @@ impl Running {
         let cut: Vec<usize> = (0..self.rewards.len()).filter(|env| result.truncated[*env]).collect();
         self.stack.push(&result.reached, &cut, over, episodes.observations(), out);
         Ok((result, ended))
+    }
+
+    /// Breaks off an environment's episode, which counts for nothing, and begins the next one.
+    pub(super) fn begin(&mut self, episodes: &mut Episodes, env: usize) {
+        episodes.begin(env);
+        (self.rewards[env], self.lengths[env]) = (0.0, 0.0);
+        self.stack.begin(|other| other == env, episodes.observations());
     }
 
     /// Takes the reward of a step in; the episode, if it is over.

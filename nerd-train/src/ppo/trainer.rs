@@ -79,7 +79,7 @@ impl Trainer {
 
     /// The same as one of several ranks, from this rank's share of the environments. Another engine than [`OnCpu`] or [`Shac`] has to be one
     /// of theirs, too.
-    pub fn among(ranks: &Arc<Ranks>, episodes: Episodes, config: PpoConfig, seed: u64) -> Result<Self> {
+    pub fn among(ranks: &Arc<Ranks>, mut episodes: Episodes, config: PpoConfig, seed: u64) -> Result<Self> {
         config.check().and_then(|()| episodes.task.about().check()).map_err(Error::Refused)?;
         let (found, wanted) = (episodes.len(), ranks.part(config.environments).len());
         if found != wanted {
@@ -89,7 +89,7 @@ impl Trainer {
         let mut policy = Policy::new(shape, &mut StreamKey { seed, number: 0 }.rng());
         let engine: Box<dyn Engine> = match config.algorithm {
             Algorithm::Ppo => Box::new(OnCpu::among(ranks, config.environments)),
-            Algorithm::Shac => Box::new(Shac::new(&episodes, &mut policy, &config, seed, ranks)?),
+            Algorithm::Shac => Box::new(Shac::new(&mut episodes, &mut policy, &config, seed, ranks)?),
         };
         let adam = Adam::new(policy.flat.len(), config.rate);
         let running = Running::new(&episodes, config.stack);

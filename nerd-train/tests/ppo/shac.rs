@@ -1,8 +1,12 @@
 //! SHAC: its gradient against central differences, what it learns in a pure model, runs that go on to the bit.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use nerd_model::pick::Setting;
+use nerd_sim::prelude::*;
+use nerd_sim::solver::{Fault, Slopes};
+use nerd_sim::truth::Truth;
 use nerd_tasks::About;
 use nerd_tasks::formula::{Formulas, Number, Sight};
 use nerd_train::device::Device;
@@ -18,7 +22,7 @@ fn rolled(arena: &Arena, task: &str, config: &PpoConfig, by: f64, along: &[f64])
     let named = nerd_tasks::named(task).expect("registered");
     let Trainer { mut episodes, mut state, .. } = arena.trainer(named, config.clone(), 3, &Default::default()).expect("a run");
     let mut running = Running::new(&episodes, 1);
-    let mut engine = Shac::new(&episodes, &mut state.policy, config, 4, &Default::default()).expect("slopes");
+    let mut engine = Shac::new(&mut episodes, &mut state.policy, config, 4, &Default::default()).expect("slopes");
     // No action comes to its bounds, where slopes that lead inside are more than J has.
     let spread = state.policy.flat.len() - state.policy.shape.action;
     state.policy.flat[spread..].fill(-3.0);
@@ -102,6 +106,8 @@ fn a_resumed_run_equals_an_unbroken_one() {
     steps(&mut whole, 8);
     steps(&mut broken, 5);
     broken.save(&file, "this run").expect("written");
+    let said = centre(Algorithm::Shac, 16 * 16 * 9).resume(&file, "this run").expect_err("another schedule").to_string();
+    assert!(said.contains("rate falls over all 8 iterations"), "{said}");
     broken = begin();
     broken.resume(&file, "this run").expect("its own file");
     steps(&mut broken, 3);
@@ -110,19 +116,85 @@ fn a_resumed_run_equals_an_unbroken_one() {
 }
 
 #[test]
-fn what_has_no_slopes_is_refused() {
-    let config = PpoConfig { stack: 2, ..PpoConfig::shac("cartpole-swingup").expect("settings") };
-    let begun = |task: &str, arena: &Arena, config: &PpoConfig| {
+fn what_has_no_slopes_is_refused_before_a_step() {
+    let begun = |task: &str, arena: &Arena, config: PpoConfig| {
         let task = nerd_tasks::named(task).expect("registered");
-        arena.trainer(task, config.clone(), 1, &Default::default()).and_then(|mut run| run.iterate())
+        arena.trainer(task, config, 1, &Default::default()).map(drop)
     };
     let truth = Arena::Judge(Setting::Implicit(1));
-    let lead = PpoConfig { environments: 1, ..PpoConfig::shac("lead-tip").expect("settings") };
+    let shac = |task: &str| PpoConfig { environments: 1, ..PpoConfig::shac(task).expect("settings") };
     for (said, words) in [
-        (begun("cartpole-swingup", &model("cartpole"), &config), "one observation"),
-        (begun("lead-tip", &truth, &lead), "has no slopes: train it by PPO"),
+        (begun("lead-tip", &truth, shac("lead-tip")), "has no slopes: train it by PPO"),
+        (begun("cartpole-swingup", &Arena::Truth(Truth::Rapier), shac("cartpole-swingup")), "solver has no slopes"),
+        (begun("cartpole-swingup", &truth, PpoConfig { stack: 2, ..shac("cartpole-swingup") }), "no use for `stack`"),
     ] {
         let said = said.expect_err("refused").to_string();
         assert!(said.contains(words) && !said.contains('\n'), "{said}");
+    }
+}
+
+#[test]
+fn settings_without_use_are_refused_even_at_their_defaults() {
+    for line in ["clip = 0.2", "kl = 0.008", "entropy = 0.01", "stack = 1"] {
+        let said = PpoConfig::from_text(&format!("algorithm = \"shac\"\n{line}\n")).expect_err("refused").to_string();
+        assert!(said.contains("no use for") && said.contains(line.split(' ').next().expect("a key")), "{said}");
+        PpoConfig::from_text(line).expect("of use to PPO");
+    }
+}
+
+/// Cartpole whose slopes are lost where the cart is beyond a place: as faults, or as what is no number.
+struct Lost {
+    inner: Articulated,
+    beyond: f64,
+    said: bool,
+}
+
+impl Solver for Lost {
+    fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
+        self.inner.step(batch, torques)
+    }
+
+    fn back(&mut self, batch: &Batch, torques: &[f64], rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
+        let mut found = self.inner.back(batch, torques, rows, by_next)?;
+        let lost: Vec<usize> = (0..batch.len()).filter(|env| batch.state(*env)[0] > self.beyond).collect();
+        if self.said && !lost.is_empty() {
+            let fault = |env| Fault { env, frame: 0, reason: "no slopes here".into() };
+            return Err(StepError::Environments(lost.into_iter().map(fault).collect()));
+        }
+        lost.iter().for_each(|env| found.states[4 * env] = f64::NAN);
+        Ok(found)
+    }
+}
+
+#[test]
+fn an_environment_without_finite_slopes_is_left_out_and_begins_anew() {
+    let text = "algorithm = \"shac\"\nenvironments = 16\nhorizon = 8\nhidden = [16]\nactivation = \"elu\"\n";
+    let config = PpoConfig::from_text(text).expect("settings");
+    let rolled = |beyond: f64, said: bool| {
+        let inner = |system: &Arc<System>| Articulated::new(ArticulatedConfig::accurate(system));
+        let make = move |system: &Arc<System>, _: &Arc<Scene>| Ok(Box::new(Lost { inner: inner(system), beyond, said }) as Box<dyn Solver>);
+        let arena = Arena::Guest("lost".into(), Arc::new(make));
+        let task = nerd_tasks::named("cartpole-swingup").expect("registered");
+        let Trainer { mut episodes, mut state, .. } = arena.trainer(task, config.clone(), 3, &Default::default()).expect("a run");
+        let mut engine = Shac::new(&mut episodes, &mut state.policy, &config, 4, &Default::default()).expect("slopes");
+        let noise = StreamKey { seed: 5, number: 0 };
+        let taken = engine.roll(&mut episodes, &mut state.running, &state.policy, &config, noise).expect("a rollout");
+        (engine.gradients(&state.policy), engine.gradient, taken.failed, episodes.simulation.batch.frames.clone(), state.running)
+    };
+    let (whole, sum, none, ..) = rolled(f64::MAX, true);
+    assert_eq!(none, 0, "all have slopes");
+    let off = |k: usize| (whole.iter().map(|own| f64::from(own[k])).sum::<f64>() - f64::from(sum[k])).abs();
+    assert!((0..sum.len()).all(|k| off(k) < 1e-6), "gradients of environments are not that of all");
+    for said in [true, false] {
+        let (gradients, sum, failed, frames, running) = rolled(0.8, said);
+        let out: Vec<usize> = (0..16).filter(|env| gradients[*env].iter().all(|g| *g == 0.0)).collect();
+        println!("{} of 16 environments left out", out.len());
+        assert!((1..16).contains(&out.len()) && failed == out.len(), "{failed} were counted, {} left out", out.len());
+        assert!(sum.iter().all(|g| g.is_finite()) && sum.iter().any(|g| *g != 0.0), "nothing is learned of the others");
+        for env in 0..16 {
+            let (lost, own) = (out.contains(&env), &gradients[env]);
+            assert!(lost || *own == whole[env], "environment {env} has another gradient than among sound ones");
+            assert_eq!((frames[env], running.lengths[env]), if lost { (0, 0.0) } else { (8, 8.0) }, "environment {env}");
+        }
     }
 }

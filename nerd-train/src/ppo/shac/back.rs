@@ -1,42 +1,26 @@
 //! The way back through a rollout.
 
-use nerd_model::program::cpu::{Loaded, Memory, Pass};
 use nerd_sim::prelude::*;
 use nerd_tasks::{Episodes, View, Work};
 use rayon::prelude::*;
 
 use super::steps::Steps;
+use super::through::{By, through};
 use crate::error::Result;
 use crate::ppo::{Policy, PpoConfig, TRUNCATED};
 
-/// Rows that one thread takes at a time.
+/// Environments that one thread takes at a time.
 const ROWS: usize = 64;
 
-/// Gradients through a network of rows as they are seen: by its parameters, and by the rows; and the sum of what `say` says of a row's outputs
-/// when it writes the gradient by them. All are summed in order.
-pub(super) fn through(
-    policy: &Policy,
-    network: &Loaded,
-    rows: &[f64],
-    say: impl Fn(usize, &[f32], &mut [f32]) -> f64 + Sync,
-) -> (Vec<f32>, Vec<f64>, f64) {
-    let (width, outputs) = (policy.shape.inputs(), policy.shape.outputs());
-    let part = |(first, rows): (usize, &[f64])| {
-        let (mut inputs, mut memory) = (Vec::new(), Memory::default());
-        policy.seen.rows(rows, &mut inputs);
-        let said = network.forward(&inputs, &mut memory, Pass::Kept(1)).clone();
-        let mut by = vec![0.0; said.len()];
-        let both = said.chunks_exact(outputs).zip(by.chunks_exact_mut(outputs)).enumerate();
-        let sum: f64 = both.map(|(i, (said, by))| say(first * ROWS + i, said, by)).sum();
-        let (flat, by_inputs) = network.backward(1, &by, &mut memory, true);
-        let by_row = by_inputs.iter().enumerate().map(|(i, g)| policy.seen.slope(i % width, rows[i]) * f64::from(*g));
-        (flat, by_row.collect::<Vec<_>>(), sum)
-    };
-    let parts: Vec<_> = rows.par_chunks(ROWS * width).enumerate().map(part).collect();
-    let mut flat = vec![0.0; policy.flat.len()];
-    parts.iter().for_each(|(part, ..)| flat.iter_mut().zip(part).for_each(|(sum, g)| *sum += g));
-    let sum = parts.iter().map(|part| part.2).sum();
-    (flat, parts.into_iter().flat_map(|part| part.1).collect(), sum)
+/// What a way back found.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Found {
+    /// Gradients of `-J` by actions as they were drawn, `[step][env][action]`.
+    pub by_actions: Vec<f64>,
+    /// J.
+    pub earned: f64,
+    /// Environments with a frame whose slopes are not finite. They are left out: their gradients are 0.
+    pub without: Vec<usize>,
 }
 
 /// What one environment's thread works on: gradients by its state, by its torques and by its action.
@@ -46,27 +30,74 @@ struct Env<'a> {
     by_action: &'a mut [f64],
 }
 
-/// Gradient of `-J` by the policy's parameters, and J; of `all` environments these are some.
-pub(super) fn gradient(
+/// The frames of a rollout, as their solver goes back through them.
+struct Frames<'a> {
+    solver: &'a mut dyn Solver,
+    batch: Batch,
+    torques: Vec<f64>,
+    /// Environments with a frame without slopes, and those that the solver could not go on with in this step, where nothing is to be found.
+    without: Vec<bool>,
+    lost: Vec<bool>,
+}
+
+impl Frames<'_> {
+    /// Takes gradients by the states after a frame back to those before it; those by its torques. In the place of an environment that has no
+    /// slopes another one is stepped.
+    fn back(&mut self, states: &[f64], torques: &[f64], behind: &mut Vec<f64>) -> Result<Vec<f64>> {
+        let (n, robot) = (self.batch.len(), &self.batch.system.robot);
+        let (d, joints, wide) = (robot.state_dim(), robot.joint_count(), 2 * robot.nv());
+        loop {
+            let gone = |env: usize| self.without[env] || self.lost[env];
+            let Some(sound) = (0..n).find(|env| !gone(*env)) else {
+                behind.fill(0.0);
+                return Ok(vec![0.0; n * joints]);
+            };
+            self.batch.states.copy_from_slice(states);
+            torques.clone_into(&mut self.torques);
+            for env in (0..n).filter(|env| gone(*env)) {
+                self.batch.states[env * d..][..d].copy_from_slice(&states[sound * d..][..d]);
+                self.torques[env * joints..][..joints].copy_from_slice(&torques[sound * joints..][..joints]);
+                behind[env * wide..][..wide].fill(0.0);
+            }
+            match self.solver.back(&self.batch, &self.torques, 1, behind) {
+                Ok(found) => {
+                    *behind = found.states;
+                    return Ok(found.torques);
+                }
+                Err(error) => {
+                    let faults = error.faults()?;
+                    if faults.iter().all(|fault| gone(fault.env)) {
+                        return Err(StepError::Environments(faults).into());
+                    }
+                    faults.iter().for_each(|fault| self.without[fault.env] = true);
+                }
+            }
+        }
+    }
+}
+
+/// Gradients by the actions of a rollout; of `all` environments these are some.
+pub(super) fn back(
     steps: &Steps,
     episodes: &mut Episodes,
     policy: &Policy,
     value: &Policy,
     config: &PpoConfig,
     all: usize,
-) -> Result<(Vec<f32>, f64)> {
+) -> Result<Found> {
     let (n, h, frames) = (episodes.len(), config.horizon, episodes.task.frames() as usize);
     let (task, scale) = (&*episodes.task, 1.0 / (all * h) as f64);
     let Simulation { batch: now, solver } = &mut episodes.simulation;
-    let (mut batch, system) = (now.clone(), now.system.clone());
+    let (batch, system) = (now.clone(), now.system.clone());
+    let mut way = Frames { solver: &mut **solver, batch, torques: Vec::new(), without: vec![false; n], lost: vec![false; n] };
     let (d, joints, wide) = (system.robot.state_dim(), system.robot.joint_count(), 2 * system.robot.nv());
     let (width, a, goals) = (policy.shape.inputs(), policy.shape.action, task.goal_dim());
     let (actor, critic) = (policy.network(), value.network());
-    let Some(slopes) = task.slopes() else { return Ok((Vec::new(), 0.0)) };
+    let Some(slopes) = task.slopes() else { return Ok(Found::default()) };
     let (shares, trace) = (shares(&steps.ends, n, config.gamma), &steps.trace);
     let (mut behind, mut by_torques, mut by_action) = (vec![0.0; n * wide], vec![0.0; n * joints], vec![0.0; n * a]);
     let mut works: Vec<Work> = (0..n.div_ceil(ROWS)).map(|_| Work::new(&system)).collect();
-    let (mut flat, mut earned, mut cut) = (vec![0.0f32; policy.flat.len()], 0.0, steps.cut.len() / width);
+    let (mut by_actions, mut earned, mut cut) = (vec![0.0; h * n * a], 0.0, steps.cut.len() / width);
     let mut each = |parts: (&mut [f64], &mut [f64], &mut [f64]), one: &(dyn Fn(usize, Env, &mut Work) + Sync)| {
         let (slopes, torques, actions) = parts;
         let chunks = slopes.par_chunks_mut(ROWS * wide).zip(torques.par_chunks_mut(ROWS * joints)).zip(actions.par_chunks_mut(ROWS * a));
@@ -96,19 +127,21 @@ pub(super) fn gradient(
         }
         let later = |i: usize| config.gamma * shares[t * n + asked[i]] * scale;
         let unit = value.returns.scale(0);
-        let (_, by_rows, worth) = through(value, &critic, &rows, |i, said, by| {
+        let (by_rows, worth) = through(value, &critic, &rows, By::Rows, |i, said, by| {
             by[a] = (-later(i) * unit) as f32;
             later(i) * value.returns.restore(0, f64::from(said[a]))
         });
         earned += worth;
         earned += (0..n).map(|env| scale * shares[t * n + env] * steps.rewards[t * n + env]).sum::<f64>();
+        let reached = |env: usize| &trace.reached[(t * n + env) * d..][..d];
+        way.lost.iter_mut().enumerate().for_each(|(env, lost)| *lost = reached(env)[0].is_nan());
         each((&mut behind, &mut by_torques, &mut by_action), &|env, Env { slope, by_torques, by_action }, work| {
             by_torques.fill(0.0);
             by_action.fill(0.0);
             if ends[env] > 0 {
                 slope.fill(0.0);
             }
-            let state = &trace.reached[(t * n + env) * d..][..d];
+            let state = reached(env);
             if state[0].is_nan() {
                 return;
             }
@@ -121,10 +154,8 @@ pub(super) fn gradient(
         });
         let drawn = &steps.drawn[t * n * a..][..n * a];
         for k in (t * frames..=last).rev() {
-            batch.states.copy_from_slice(&trace.states[k * n * d..][..n * d]);
-            let found = solver.back(&batch, &trace.torques[k * n * joints..][..n * joints], 1, &behind)?;
-            behind = found.states;
-            by_torques.iter_mut().zip(found.torques).for_each(|(sum, g)| *sum += g);
+            let found = way.back(&trace.states[k * n * d..][..n * d], &trace.torques[k * n * joints..][..n * joints], &mut behind)?;
+            by_torques.iter_mut().zip(found).for_each(|(sum, g)| *sum += g);
             each((&mut behind, &mut by_torques, &mut by_action), &|env, Env { slope, by_torques, by_action }, work| {
                 let action: Vec<f64> = drawn[env * a..][..a].iter().map(|x| f64::from(*x)).collect();
                 slopes.act_back(seen(k, env), &action, work, by_torques, slope, by_action);
@@ -133,26 +164,27 @@ pub(super) fn gradient(
         }
         // At a bound what leads outside ends.
         by_action.iter_mut().zip(drawn).filter(|(g, a)| a.abs() > 1.0 && **g * f64::from(**a) < 0.0).for_each(|(g, _)| *g = 0.0);
-        let rows = &steps.rows[t * n * width..][..n * width];
-        let say = |i: usize, _: &[f32], by: &mut [f32]| {
+        let (by_rows, _) = through(policy, &actor, &steps.rows[t * n * width..][..n * width], By::Rows, |i, _, by| {
             by[..a].iter_mut().zip(&by_action[i * a..]).for_each(|(by, g)| *by = *g as f32);
             0.0
-        };
-        let (own, by_rows, _) = through(policy, &actor, rows, say);
-        flat.iter_mut().zip(own).for_each(|(sum, g)| *sum += g);
-        let spread = flat.len() - a;
-        for ((i, g), (drawn, mean)) in by_action.iter().enumerate().zip(drawn.iter().zip(&steps.mean[t * n * a..])) {
-            flat[spread + i % a] += (g * f64::from(drawn - mean)) as f32;
-        }
+        });
         each((&mut behind, &mut by_torques, &mut by_action), &|env, Env { slope, .. }, work| {
             slopes.observe_back(seen(t * frames, env), work, &by_rows[env * width..][..width], slope);
-            // Of what strikes too hard nothing is learned.
-            if slope.iter().any(|g| !g.is_finite()) {
-                slope.fill(0.0);
-            }
         });
+        for env in 0..n {
+            let own = [&mut behind[env * wide..][..wide], &mut by_action[env * a..][..a]];
+            if !own.iter().all(|numbers| numbers.iter().all(|g| g.is_finite())) {
+                way.without[env] = true;
+                own.into_iter().for_each(|numbers| numbers.fill(0.0));
+            }
+        }
+        by_actions[t * n * a..][..n * a].copy_from_slice(&by_action);
     }
-    Ok((flat, earned))
+    let without: Vec<usize> = (0..n).filter(|env| way.without[*env]).collect();
+    for (t, env) in (0..h).flat_map(|t| without.iter().map(move |env| (t, env))) {
+        by_actions[(t * n + env) * a..][..a].fill(0.0);
+    }
+    Ok(Found { by_actions, earned, without })
 }
 
 /// What each step's reward counts, `[step][env]`: less from step to step, all of it again where an episode begins.

@@ -1,6 +1,6 @@
 //! The critic learns the returns of a rollout: passes over its steps, by the squared error of normalised values.
 
-use super::back::through;
+use super::through::{By, through};
 use super::{BETA, Shac};
 use crate::error::Result;
 use crate::ppo::update::orders;
@@ -16,14 +16,14 @@ impl Shac {
         for order in orders(config, key) {
             for batch in order.chunks(config.minibatch) {
                 let own: Vec<usize> = self.team.own(batch).map(|i| i as usize).collect();
-                let rows: Vec<f64> = own.iter().flat_map(|i| self.rows[i * width..][..width].iter().copied()).collect();
+                let rows: Vec<f64> = own.iter().flat_map(|i| self.steps.rows[i * width..][..width].iter().copied()).collect();
                 let scale = 1.0 / batch.len() as f32;
-                let (mut gradient, _, sum) = through(&self.critic, &network, &rows, |i, said, by| {
+                let (gradient, sum) = through(&self.critic, &network, &rows, By::Parameters, |i, said, by| {
                     let off = said[a] - goals[own[i]];
                     by[a] = scale * off;
                     f64::from(off * off)
                 });
-                gradient.push(scale * sum as f32);
+                let mut gradient: Vec<f32> = gradient.into_iter().map(|g| g as f32).chain([scale * sum as f32]).collect();
                 self.team.ranks.sum(&mut gradient)?;
                 lost += f64::from(gradient.pop().unwrap_or_default());
                 batches += 1.0;

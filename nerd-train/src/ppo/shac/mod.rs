@@ -16,18 +16,24 @@
 mod back;
 mod critic;
 mod steps;
+mod through;
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use nerd_sim::sampling::stream;
+use nerd_sim::solver::Simulation;
 use nerd_tasks::Episodes;
+use rayon::prelude::*;
 
 use super::gae::advantages;
 use super::team::Team;
 use super::{Adam, Engine, Policy, PpoConfig, Running, RunningMoments, StreamKey, Taken, Terms, Updated};
 use crate::error::{Result, refuse};
 use crate::ranks::Ranks;
+use back::{Found, back};
 use steps::Steps;
+use through::{By, through};
 
 /// Decay of Adam's moments, as in the paper.
 pub(super) const BETA: [f64; 2] = [0.7, 0.95];
@@ -49,7 +55,8 @@ pub struct Shac {
     pub(super) adam: Adam,
     /// The weights of V'.
     pub(super) slow: Vec<f32>,
-    rows: Vec<f64>,
+    steps: Steps,
+    by_actions: Vec<f64>,
     returns: Vec<f64>,
 }
 
@@ -57,16 +64,20 @@ impl Shac {
     /// Of a policy that has learned nothing, whose spread is narrowed; `seed` is that of the critic's weights.
     ///
     /// # Errors
-    /// If the task has no slopes, or settings ask for what SHAC has not.
-    pub fn new(episodes: &Episodes, policy: &mut Policy, config: &PpoConfig, seed: u64, ranks: &Arc<Ranks>) -> Result<Self> {
+    /// If the task or the solver has no slopes.
+    pub fn new(episodes: &mut Episodes, policy: &mut Policy, config: &PpoConfig, seed: u64, ranks: &Arc<Ranks>) -> Result<Self> {
         if episodes.task.slopes().is_none() {
             refuse!(
                 "task `{}` is not written in formulas (nerd_tasks::formula), so it has no slopes: train it by PPO",
                 episodes.task.name()
             );
         }
-        if config.stack > 1 || config.spread_by_state {
-            refuse!("SHAC sees one observation and has a spread of its own: leave out `stack` and `spread_by_state`, or train by PPO");
+        // What a solver has no slopes of it says when it is asked.
+        let Simulation { batch, solver } = &mut episodes.simulation;
+        let robot = &batch.system.robot;
+        let (torques, nothing) = (vec![0.0; batch.len() * robot.joint_count()], vec![0.0; batch.len() * 2 * robot.nv()]);
+        if let Err(error) = solver.back(batch, &torques, 1, &nothing) {
+            error.faults()?;
         }
         let spread = policy.flat.len() - policy.shape.spread();
         policy.flat[spread..].fill(SPREAD);
@@ -76,7 +87,17 @@ impl Shac {
         critic.flat[spread - (inside + 1) * outputs..].fill(0.0);
         let (adam, slow) = (Adam::new(critic.flat.len(), config.rate), critic.flat.clone());
         let team = Team::new(ranks, config.environments);
-        Ok(Self { gradient: Vec::new(), earned: 0.0, team, critic, adam, slow, rows: Vec::new(), returns: Vec::new() })
+        Ok(Self {
+            gradient: Vec::new(),
+            earned: 0.0,
+            team,
+            critic,
+            adam,
+            slow,
+            steps: Steps::default(),
+            by_actions: Vec::new(),
+            returns: Vec::new(),
+        })
     }
 
     /// Sets the rates of an iteration, and makes the policy's step along the gradient of all ranks; the norm of that.
@@ -101,6 +122,29 @@ impl Shac {
     fn value(&self, policy: &Policy) -> Policy {
         Policy { flat: self.slow.clone(), ..policy.clone() }
     }
+
+    /// Gradient of `-J` by the policy's parameters, as far as it is that of these environments of this rank.
+    fn by_parameters(&self, policy: &Policy, envs: Range<usize>) -> Vec<f32> {
+        let (width, a, n) = (policy.shape.inputs(), policy.shape.action, self.team.part.len());
+        let own: Vec<usize> = (0..self.by_actions.len() / a).filter(|i| envs.contains(&(i % n))).collect();
+        let rows: Vec<f64> = own.iter().flat_map(|i| &self.steps.rows[i * width..][..width]).copied().collect();
+        let by_action = |i: usize| &self.by_actions[own[i] * a..][..a];
+        let (mut flat, _) = through(policy, &policy.network(), &rows, By::Parameters, |i, _, by| {
+            by.iter_mut().zip(by_action(i)).for_each(|(by, g)| *by = *g as f32);
+            0.0
+        });
+        let spread = flat.len() - a;
+        for (i, k) in own.iter().enumerate().flat_map(|(i, _)| (0..a).map(move |k| (i, k))) {
+            let noise = self.steps.drawn[own[i] * a + k] - self.steps.mean[own[i] * a + k];
+            flat[spread + k] += by_action(i)[k] * f64::from(noise);
+        }
+        flat.into_iter().map(|g| g as f32).collect()
+    }
+
+    /// Gradients of the last rollout by environment of this rank; their sum is [`Self::gradient`].
+    pub fn gradients(&self, policy: &Policy) -> Vec<Vec<f32>> {
+        (0..self.team.part.len()).into_par_iter().map(|env| self.by_parameters(policy, env..env + 1)).collect()
+    }
 }
 
 impl Engine for Shac {
@@ -112,15 +156,20 @@ impl Engine for Shac {
         config: &PpoConfig,
         noise: StreamKey,
     ) -> Result<Taken> {
-        let (steps, taken) = Steps::rolled(episodes, running, policy, config, (noise, self.team.part.start))?;
+        let (steps, mut taken) = Steps::rolled(episodes, running, policy, config, (noise, self.team.part.start))?;
         let value = self.value(policy);
-        (self.gradient, self.earned) = back::gradient(&steps, episodes, policy, &value, config, self.team.all)?;
+        let Found { by_actions, earned, without } = back(&steps, episodes, policy, &value, config, self.team.all)?;
+        (self.by_actions, self.earned) = (by_actions, earned);
         let values = |rows: &[f64]| if rows.is_empty() { Vec::new() } else { value.values(&value.answer(rows)) };
         let (acted, last) = steps.rows.split_at(steps.rows.len() - running.stack.rows.len());
         let (own, came) = (values(acted), (&steps.rewards[..], &steps.ends[..]));
         let gains = advantages(came, (&own, &values(last), &values(&steps.cut)), config.gamma, config.lambda);
         self.returns = gains.iter().zip(&own).map(|(gain, value)| gain + value).collect();
-        self.rows = acted.to_vec();
+        self.steps = steps;
+        self.gradient = self.by_parameters(policy, 0..self.team.part.len());
+        // Nor would another try from there have slopes.
+        without.iter().for_each(|env| running.begin(episodes, *env));
+        taken.failed += without.len();
         Ok(taken)
     }
 
@@ -129,7 +178,8 @@ impl Engine for Shac {
         policy.returns.absorb(&self.team.pool(RunningMoments::of(&self.returns, 1))?);
         let critic = self.learn(policy, config, orders)?;
         self.slow.iter_mut().zip(&self.critic.flat).for_each(|(slow, w)| *slow = KEPT * *slow + (1.0 - KEPT) * w);
-        policy.seen.absorb(&self.team.pool(RunningMoments::of(&self.rows, policy.shape.inputs()))?);
+        let rows = self.returns.len() * policy.shape.inputs();
+        policy.seen.absorb(&self.team.pool(RunningMoments::of(&self.steps.rows[..rows], policy.shape.inputs()))?);
         Ok(self.told(policy, norm, critic))
     }
 
