@@ -317,7 +317,10 @@ fn back_apart(case: &Case, compiler: &Compiler, real: Real) -> Vec<f64> {
     let (n, d, wide, joints) = (batch.len(), robot.state_dim(), 2 * robot.nv(), robot.joint_count());
     let by: Vec<f64> = (0..n * ROWS * wide).map(|k| (1.0 + k as f64 * 1.7).sin()).collect();
     goes_back(&case.config, batch).expect("it has slopes on a card");
-    let output = compiler.run(&back_program(&batch.system, &case.config, real, Reach::of(batch)), case.input(ROWS, &by));
+    let output = compiler.run(
+        &back_program(&batch.system, &case.config, real, Reach::of(batch)),
+        case.input(ROWS, &[packed(&batch.drives), by.clone()].concat()),
+    );
     let (found, faults) = output.split_at(8 * (n * d + n * ROWS * (wide + joints)));
     assert!(faults.len() == 4 * n && faults.iter().all(|byte| *byte == 0), "faults {faults:?}");
     let (next, rest) = found.split_at(8 * n * d);
@@ -342,11 +345,24 @@ fn back_apart(case: &Case, compiler: &Compiler, real: Real) -> Vec<f64> {
 #[test]
 fn kernels_go_back_as_the_solver_does() {
     let Some(compiler) = Compiler::find() else { return };
-    let known = [("pendulum", "ground1"), ("cube", "ground"), ("cube", "box"), ("ant", "ground"), ("anymal", "ground")];
-    let mut cases: Vec<Case> =
-        known.into_iter().map(|(name, scene)| sampled(name, scene, ArticulatedConfig::accurate(&built_in(name)))).collect();
+    let on_ground = [("pendulum", "ground1"), ("cube", "ground"), ("cube", "box"), ("ant", "ground"), ("anymal", "ground")];
+    let flying = ["pendulum", "cartpole", "franka", "ant", "cube"].map(|name| (name, "free"));
+    let mut cases: Vec<Case> = on_ground
+        .into_iter()
+        .chain(flying)
+        .map(|(name, scene)| sampled(name, scene, ArticulatedConfig::accurate(&built_in(name))))
+        .collect();
     // So fast that the energy of every third frame asks for more substeps.
-    cases[0].batch.states.chunks_exact_mut(4).flat_map(|state| &mut state[2..]).for_each(|v| *v *= 2.0);
+    for fast in [0, 5] {
+        cases[fast].batch.states.chunks_exact_mut(4).flat_map(|state| &mut state[2..]).for_each(|v| *v *= 2.0);
+    }
+    // Drives, of which some are at their effort; on the ground, and without anything to touch.
+    for scene in ["ground", "free"] {
+        let mut case = sampled("ant", scene, ArticulatedConfig::accurate(&built_in("ant")));
+        let drive = |k: usize| Drive { kp: 50.0, kd: 3.0, target: 0.5 * (k as f64).sin(), speed: 0.1, effort: 8.0 };
+        case.batch.drives = (0..case.torques.len()).map(drive).collect();
+        cases.push(case);
+    }
     // Joints that rub and spring, one of them too stiff for its substep, without anything to touch.
     let mut system = chain(1);
     for (joint, numbers) in system.robot.joints_mut().zip([(0.02, 0.4, 1e-4), (50.0, -0.3, 2e-4)]) {

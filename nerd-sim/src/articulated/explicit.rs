@@ -34,14 +34,8 @@ impl Workspace {
         if !contact && config.integrator == Integrator::Rk4 {
             to_local(robot, q, qd);
             for _ in 0..substeps {
-                if let Some(kept) = &mut self.kept {
-                    kept.states.extend_from_slice(state);
-                }
                 if !self.runge_kutta(robot, scene, state, tau, dt)? {
                     return Ok(false);
-                }
-                if let Some(kept) = &mut self.kept {
-                    self.rates.iter().for_each(|rate| kept.states.extend_from_slice(rate));
                 }
             }
             let (q, qd) = state.split_at_mut(robot.nq());
@@ -164,6 +158,9 @@ impl Workspace {
             kinematics(robot, q, &mut self.data);
             let done = self.accelerate(robot, scene, q, qd, tau, true, (dt, Integrator::Rk4));
             rate(robot, q, qd, self.data.qdd.as_slice(), &mut self.rates[k]);
+            if let Some(kept) = &mut self.kept {
+                kept.flown(&trial, &self.rates[k], &mut self.data, &mut self.factor);
+            }
             self.trial = trial;
             if !done? {
                 return Ok(false);

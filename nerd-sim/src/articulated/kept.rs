@@ -1,5 +1,7 @@
 //! What a frame keeps of its substeps for the way back.
 
+use nerd_core::dynamics::{Data, Factor};
+
 use super::touch::Touch;
 use super::touches::Touches;
 
@@ -10,8 +12,18 @@ pub(super) struct Kept {
     pub(super) steps: Vec<Step>,
     /// Those of the substep that is solved now.
     pub(super) stages: Vec<Stage>,
-    /// Of Runge-Kutta's substeps, each the state `[q, qd]` before it, in local velocities, and the four rates.
-    pub(super) states: Vec<f64>,
+    /// Stages of Runge-Kutta's substeps, four of each. There may be more, which wait for longer frames.
+    flown: Vec<Flown>,
+    flights: usize,
+}
+
+/// A stage of Runge-Kutta, with what was found on the way to its rate.
+pub(super) struct Flown {
+    /// `[q, qd]` in local velocities, and their rates.
+    pub(super) state: Vec<f64>,
+    pub(super) rate: Vec<f64>,
+    pub(super) data: Data,
+    pub(super) factor: Factor,
 }
 
 /// An implicit substep.
@@ -46,7 +58,27 @@ impl Kept {
     pub(super) fn begin(&mut self) {
         self.steps.clear();
         self.stages.clear();
-        self.states.clear();
+        self.flights = 0;
+    }
+
+    /// Takes over what was found, and leaves other memory for what is found next.
+    pub(super) fn flown(&mut self, state: &[f64], rate: &[f64], data: &mut Data, factor: &mut Factor) {
+        if self.flights == self.flown.len() {
+            let [state, rate] = [state, rate].map(<[f64]>::to_vec);
+            self.flown.push(Flown { state, rate, data: data.clone(), factor: factor.clone() });
+        } else {
+            let stage = &mut self.flown[self.flights];
+            stage.state.copy_from_slice(state);
+            stage.rate.copy_from_slice(rate);
+            std::mem::swap(&mut stage.data, data);
+            std::mem::swap(&mut stage.factor, factor);
+        }
+        self.flights += 1;
+    }
+
+    /// The stages of this frame.
+    pub(super) fn flights(&self) -> &[Flown] {
+        &self.flown[..self.flights]
     }
 
     pub(super) fn stage(&mut self, now: &Touches, one_solve: bool) {

@@ -8,6 +8,7 @@ use nerd_core::dynamics::{Data, Factor, point_position, velocities};
 use nerd_core::robot::Robot;
 
 use super::kept::Kept;
+use super::slopes::Memory;
 use super::stiff::{Bounds, Stiff};
 use super::touches::Touches;
 use crate::drive::Drive;
@@ -36,6 +37,8 @@ pub(super) struct Workspace {
     pub(super) settling: (f64, usize),
     /// What the frame did, while it is to be gone back.
     pub(super) kept: Option<Kept>,
+    /// Of the way back, once that was asked for.
+    pub(super) back: Option<Box<Memory>>,
 }
 
 impl Workspace {
@@ -56,6 +59,7 @@ impl Workspace {
             drives: Vec::new(),
             settling: (0.0, 0),
             kept: None,
+            back: None,
             forces: vec![Vector3::zeros(); robot.contact_points.len()],
         }
     }

@@ -1,6 +1,8 @@
 //! Systems, batches and motions shared by the tests.
 #![allow(dead_code, unused_imports)]
 
+pub mod differences;
+
 pub use nerd_sim::dataset::{GenerateConfig, record};
 pub use nerd_sim::prelude::*;
 

@@ -9,6 +9,7 @@
 //!
 //! All checks are made; one that fails ends the program with an error.
 
+mod cost;
 mod inference;
 mod policies;
 mod shac;
@@ -23,7 +24,7 @@ use with::{Checks, Outcome};
 type Part = (&'static str, fn(&mut Checks) -> Outcome);
 
 /// In order.
-const PARTS: [Part; 15] = [
+const PARTS: [Part; 16] = [
     ("operations", inference::operations),
     ("windows", inference::windows),
     ("streams", inference::streams),
@@ -37,6 +38,7 @@ const PARTS: [Part; 15] = [
     ("paces", solvers::paces),
     ("slopes", slopes::slopes),
     ("shac", shac::shac),
+    ("slopes-cost", cost::cost),
     ("policies", policies::policies),
     ("tasks", policies::tasks),
 ];

@@ -18,7 +18,7 @@ use nerd_train::learner::cuda::{CudaStream, Precision};
 use crate::with::{Checks, Outcome, largest, worse};
 
 /// Environments of a robot, in scenes and from starts as data sets have them.
-fn batch(system: &Arc<System>, n: usize) -> Outcome<Batch> {
+pub fn batch(system: &Arc<System>, n: usize) -> Outcome<Batch> {
     Ok(begin(system, &GenerateConfig { seed: 3, ..GenerateConfig::default() }, 0, n)?)
 }
 

@@ -1,61 +1,63 @@
-// The way back over a frame of implicit substeps, as articulated/slopes, where it is explained: the frame is stepped with its substeps' starts kept,
-// and from the last to the first each is solved once more and gone back over.
+// The way back over a frame, as articulated/slopes, where it is explained: the frame is stepped with what its substeps began with and found kept, and
+// from the last to the first each is gone back over.
 
-// What is solved of a substep in whose middle the pose is; 0, or a fault.
-BIG int solved(Work& w, const double* tau, const double* scene, real h, bool first, int steps) {
-    kinematics(w.tree);
-    see(w, scene);
-    if (!find(w, h, 0)) return LOST;
-    crba(w.tree);
-    if ((first && !damp(w, h)) || !weigh(w, h)) return 1 + w.tree.lost;
-    return accelerate_ahead(w, tau, h, first, SETTLED / steps) < 0 ? 1 + w.tree.lost : 0;
-}
-
-// As `implicit`, keeping what its substeps begin with.
-BIG int forth(Work& w, Back& b, const double* tau, const double* scene, int steps) {
-    Tree& t = w.tree;
-    const real h = (real)(FRAME / steps);
-    t.shift = v3(0, 0, 0);
-    w.eventful = false;
-    w.work = w.effort = 0;
-    for (int k = 0; k < WEIGHTS; k++) w.weight[k] = b.since[k] = -1;
-    for (int k = 0; k < NV; k++) w.rate[k] = 0;
-    for (int number = 0; number < steps; number++) {
-        drift(t, (real)0.5 * h);
-        Kept& kept = b.kept[number];
-        for (int k = 0; k < NQ; k++) kept.q[k] = t.q[k];
-        for (int k = 0; k < NV; k++) { kept.qd[k] = t.qd[k]; kept.rate[k] = w.rate[k]; }
-        const int fault = solved(w, tau, scene, h, number == 0, steps);
-        if (fault) return fault;
-        for (int n = 0; n < w.touches; n++) if (b.since[w.touch[n].index] < 0) b.since[w.touch[n].index] = number;
-        for (int k = DOFS; k < NV; k++)
-            if (h * most(size(t.qd[k]), size(t.qd[k] + h * w.rate[k])) > WHIRL) w.eventful = true;
-        for (int k = 0; k < NV; k++) t.qd[k] += h * w.rate[k];
-        drift(t, (real)0.5 * h);
+// Keeps them.
+struct Keeper {
+    Back& b;
+    bool begin(bool ahead, int steps) const {
+        b.ahead = ahead;
+        b.steps = steps;
+        for (int k = 0; k < WEIGHTS; k++) b.since[k] = -1;
+        return steps <= STEPS;
     }
-    return 0;
-}
+    void begins(const Work& w, int number) const {
+        Kept& kept = b.kept[number];
+        for (int k = 0; k < NQ; k++) kept.q[k] = w.tree.q[k];
+        for (int k = 0; k < NV; k++) kept.qd[k] = w.tree.qd[k];
+    }
+    void ends(const Work& w, int number, real h) const {
+        Kept& kept = b.kept[number];
+        for (int k = 0; k < NV; k++) kept.rate[k] = w.rate[k];
+        for (int k = 0; k < IDLE; k++) kept.idle[k] = 0;
+        for (int n = 0; n < w.touches; n++) {
+            if (b.since[w.touch[n].index] < 0) b.since[w.touch[n].index] = number;
+            kept.idle[n / 32] |= (unsigned)idle(w.touch[n]) << n % 32;
+        }
+        if (number) return;
+        b.twice = w.twice;
+        b.once = w.once;
+        for (int k = 0; k < NV; k++) b.guess[k] = (w.middle[k] - kept.qd[k]) * (2 / h);
+        for (int k = 0; k < IDLE; k++) b.early[k] = 0;
+        for (int n = 0; DRIVEN && w.twice && n < w.touches; n++) b.early[n / 32] |= (unsigned)w.early[n] << n % 32;
+    }
+};
 
-// Back over a substep that is solved.
-BIG void substep_back(Work& w, Back& b, int number, real h) {
+// Back over an implicit substep, of which what was solved is found again but for its rates; 0, or a fault.
+BIG int substep_back(Work& w, Back& b, int number, const double* scene, const double* drives, real h) {
     Tree& t = w.tree;
     const Kept& kept = b.kept[number];
+    for (int k = 0; k < NQ; k++) t.q[k] = kept.q[k];
+    for (int k = 0; k < NV; k++) t.qd[k] = kept.qd[k];
+    kinematics(t);
+    see(w, scene);
+    if (!find(w, h, drives) || !weigh(w, h)) return LOST;
+    crba(t);
+    share(w, h);
     real end[NV];
-    for (int k = 0; k < NV; k++) end[k] = kept.qd[k] + h * w.rate[k];
+    for (int k = 0; k < NV; k++) end[k] = kept.qd[k] + h * kept.rate[k];
     drift_back(b, end, (real)0.5 * h);
     for (int k = 0; k < NV; k++) b.rate[k] += h * b.speed[k];
     unload(b.loads);
     unload(b.starts);
     b.way = v3(0, 0, 0);
     twists(t, kept.qd, b.start);
-    stage_back(w, b, kept, w.rate, h, false);
-    if (number == 0) {
+    const real* before = number ? b.kept[number - 1].rate : b.guess;
+    for (int k = 0; k < NV; k++) w.middle[k] = kept.qd[k] + (real)0.5 * h * before[k];
+    stage_back(w, b, kept, kept.rate, kept.idle, h, false);
+    if (number == 0 && b.twice) {
         // The first solve of a frame knew no rate, and gave that of the next one's middle.
-        for (int k = 0; k < NV; k++) {
-            w.rate[k] = (w.middle[k] - kept.qd[k]) * (2 / h);
-            w.middle[k] = kept.qd[k];
-        }
-        stage_back(w, b, kept, w.rate, h, true);
+        for (int k = 0; k < NV; k++) w.middle[k] = kept.qd[k];
+        stage_back(w, b, kept, b.guess, b.early, h, b.once);
     }
     weights_back(w, b, number, h);
     twists_back(t, kept.qd, b.starts, b.loads, b.speed);
@@ -64,45 +66,26 @@ BIG void substep_back(Work& w, Back& b, int number, real h) {
     gather(t, b.loads, b.pose);
     if (DOFS) write3(b.pose + 3, way);
     drift_back(b, kept.qd, (real)0.5 * h);
+    return 0;
 }
 
-static_assert(sizeof(Work) + sizeof(Back) < 500000, "the robot is too large for a thread of a GPU, which has 512 KiB; go back over its frames on the CPU");
+static_assert(sizeof(Work) + sizeof(Explicit) + sizeof(Back) < 500000, "the robot is too large for a thread of a GPU, which has 512 KiB; go back over its frames on the CPU");
 
 // Steps to `next` and goes back from a gradient by it; 0, or why not.
-BIG int frame_back(const double* state, const double* tau, const double* scene, const double* by_next, double* next, double* by_state, double* by_tau) {
+BIG int frame_back(const double* state, const double* tau, const double* scene, const double* drives, const double* by_next, double* next,
+                   double* by_state, double* by_tau) {
     Work w;
     Back b;
-    bool eventful = false;
-    int steps = CONTACT_SUBSTEPS;
-    // As `moved`.
-    for (int finer = 1;;) {
-        steps = CONTACT_SUBSTEPS * finer;
-        if (steps > STEPS) return FINER;
-        take(w.tree, state);
-        w.even = finer > 1;
-        const int fault = forth(w, b, tau, scene, steps);
-        const int substeps = (SUBSTEPS > CONTACT_SUBSTEPS ? SUBSTEPS : CONTACT_SUBSTEPS) * finer;
-        if (!WATCHED || substeps >= FINEST) {
-            if (fault) return fault;
-            break;
-        }
-        eventful = eventful || w.eventful;
-        const int times = fault ? 2 : eventful ? refine(w, state, tau, scene, substeps) : 1;
-        if (times == 1) break;
-        finer *= times;
-    }
-    const int fault = give(w.tree, next);
+    take(w.tree, state);
+    int fault = moved(w, state, tau, scene, drives, 0, Keeper{b});
+    if (!fault) fault = give(w.tree, next);
     if (fault) return fault;
     wrap(next);
     begin(b, next, by_next);
-    const real h = (real)(FRAME / steps);
-    for (int number = steps - 1; number >= 0; number--) {
-        const Kept& kept = b.kept[number];
-        for (int k = 0; k < NQ; k++) w.tree.q[k] = kept.q[k];
-        for (int k = 0; k < NV; k++) { w.tree.qd[k] = kept.qd[k]; w.rate[k] = kept.rate[k]; }
-        const int fault = solved(w, tau, scene, h, number == 0, steps);
+    const real h = (real)(FRAME / b.steps);
+    for (int number = b.steps - 1; number >= 0; number--) {
+        const int fault = HELD || DRIVEN || b.ahead ? substep_back(w, b, number, scene, drives, h) : flight_back(w, b, b.kept[number], tau, h);
         if (fault) return fault;
-        substep_back(w, b, number, h);
     }
     end(b, state, by_state);
     for (int i = 0; i < NJ; i++) by_tau[i] = b.torque[i];
@@ -112,14 +95,14 @@ BIG int frame_back(const double* state, const double* tau, const double* scene, 
 #ifdef __CUDACC_RTC__
 // `rows` gradients of each environment, a thread each: zeros where its frame is a fault. The first of them writes the state after the frame and the
 // fault, if they have a place.
-extern "C" __global__ void slopes(const double* states, const double* torques, const double* scenes, const int* scene_of, const double* by_next,
-                                  double* nexts, double* by_states, double* by_torques, int* faults, int n, int rows) {
+extern "C" __global__ void slopes(const double* states, const double* torques, const double* scenes, const int* scene_of, const double* drives,
+                                  const double* by_next, double* nexts, double* by_states, double* by_torques, int* faults, int n, int rows) {
     const int env = blockIdx.x * blockDim.x + threadIdx.x;
     if (env >= n) return;
     const long long at = (long long)env * rows + blockIdx.y;
     double next[NQ + NV], *by_state = by_states + at * 2 * NV, *by_tau = by_torques + at * NJ;
     const int fault = frame_back(states + (long long)env * (NQ + NV), torques + (long long)env * NJ, scenes + (long long)scene_of[env] * SCENE,
-                                 by_next + at * 2 * NV, next, by_state, by_tau);
+                                 drives + (long long)env * 5 * DRIVES, by_next + at * 2 * NV, next, by_state, by_tau);
     for (int k = 0; k < 2 * NV && fault; k++) by_state[k] = 0;
     for (int k = 0; k < NJ && fault; k++) by_tau[k] = 0;
     if (blockIdx.y || !nexts) return;
@@ -128,21 +111,21 @@ extern "C" __global__ void slopes(const double* states, const double* torques, c
 }
 #else
 #include <cstdio>
-// The same from standard input to standard output: n, rows, scenes; states, torques, scenes, scene of each, gradients.
+// The same from standard input to standard output: n, rows, scenes; states, torques, scenes, scene of each, drives, gradients.
 int main() {
     int head[3];
     if (std::fread(head, 4, 3, stdin) != 3) return 1;
     const int n = head[0], rows = head[1], scenes = head[2], all = n * rows;
     double *states = new double[n * (NQ + NV)], *torques = new double[n * NJ + 1], *scene = new double[scenes * SCENE];
     double *by_next = new double[all * 2 * NV], *next = new double[n * (NQ + NV)], *by_states = new double[all * 2 * NV];
-    double* by_torques = new double[all * NJ + 1];
+    double *by_torques = new double[all * NJ + 1], *drives = new double[n * 5 * NJ + 1];
     int* of = new int[n];
     size_t got = std::fread(states, 8, n * (NQ + NV), stdin) + std::fread(torques, 8, n * NJ, stdin) + std::fread(scene, 8, scenes * SCENE, stdin);
-    got += std::fread(of, 4, n, stdin) + std::fread(by_next, 8, all * 2 * NV, stdin);
+    got += std::fread(of, 4, n, stdin) + std::fread(drives, 8, n * 5 * DRIVES, stdin) + std::fread(by_next, 8, all * 2 * NV, stdin);
     for (int env = 0; env < n; env++) {
         int fault = 0;
         for (int at = env * rows; at < (env + 1) * rows && !fault; at++)
-            fault = frame_back(states + env * (NQ + NV), torques + env * NJ, scene + of[env] * SCENE, by_next + at * 2 * NV, next + env * (NQ + NV),
+            fault = frame_back(states + env * (NQ + NV), torques + env * NJ, scene + of[env] * SCENE, drives + env * 5 * DRIVES, by_next + at * 2 * NV, next + env * (NQ + NV),
                                by_states + at * 2 * NV, by_torques + at * NJ);
         of[env] = fault;
     }
@@ -150,7 +133,7 @@ int main() {
     std::fwrite(by_states, 8, all * 2 * NV, stdout);
     std::fwrite(by_torques, 8, all * NJ, stdout);
     std::fwrite(of, 4, n, stdout);
-    std::fprintf(stderr, "%zu bytes of a thread\n", sizeof(Work) + sizeof(Back));
-    return got != (size_t)n * (NQ + NV) + n * NJ + scenes * SCENE + n + (size_t)all * 2 * NV;
+    std::fprintf(stderr, "%zu bytes of a thread\n", sizeof(Work) + sizeof(Explicit) + sizeof(Back));
+    return got != (size_t)n * (NQ + NV) + n * NJ + scenes * SCENE + n + n * 5 * DRIVES + (size_t)all * 2 * NV;
 }
 #endif

@@ -172,44 +172,59 @@ BIG int euler(Work& w, Explicit& e, const double* scene, const double* tau, doub
     return 0;
 }
 
-BIG int runge_kutta(Work& w, Explicit& e, const double* scene, const double* tau, int substeps) {
+// The tree of a substep's stage, from (q, qd) at its beginning and the rate of the stage before.
+FN void stand(Tree& t, const Explicit& e, int stage, const double* q, const double* qd, real h) {
+    const double at = stage == 0 ? 0 : stage == 3 ? h : 0.5 * h;
+    const double* rate = e.rates[stage ? stage - 1 : 0];
+    for (int k = 0; k < NQ; k++) t.q[k] = stage ? q[k] + at * rate[k] : q[k];
+    for (int k = 0; k < NV; k++) t.qd[k] = (real)(stage ? qd[k] + at * rate[NQ + k] : qd[k]);
+}
+
+// The rates of a substep's stages, at whose last the tree ends. 0, a fault, or STIFF.
+BIG int stages(Work& w, Explicit& e, const double* tau, const double* q, const double* qd, real h, real bound) {
+    Tree& t = w.tree;
+    for (int stage = 0; stage < 4; stage++) {
+        stand(t, e, stage, q, qd, h);
+        kinematics(t);
+        const int state = accelerate(w, e, tau, true, false, h, bound);
+        if (state) return state;
+        double* r = e.rates[stage];
+        for (int i = 0; i < NJ; i++) r[COORDS + i] = t.qd[DOFS + i];
+        for (int k = 0; k < NV; k++) r[NQ + k] = w.qdd[k];
+        if (!DOFS) continue;
+        const V3 a = v3(t.qd[0], t.qd[1], t.qd[2]), v = v3(t.qd[3], t.qd[4], t.qd[5]), c = cross(a, v);
+        r[0] = v.x; r[1] = v.y; r[2] = v.z;
+        // (w, 0) Q / 2, of a quaternion as it is.
+        const double x = t.q[3], y = t.q[4], z = t.q[5], s = t.q[6];
+        r[3] = 0.5 * (a.x * s + a.y * z - a.z * y);
+        r[4] = 0.5 * (-a.x * z + a.y * s + a.z * x);
+        r[5] = 0.5 * (a.x * y - a.y * x + a.z * s);
+        r[6] = 0.5 * (-a.x * x - a.y * y - a.z * z);
+        r[NQ + 3] += c.x; r[NQ + 4] += c.y; r[NQ + 5] += c.z;
+    }
+    return 0;
+}
+
+// What a number changes by over a substep.
+FN double grown(const Explicit& e, int k, real h) {
+    return h / 6.0 * (e.rates[0][k] + 2 * e.rates[1][k] + 2 * e.rates[2][k] + e.rates[3][k]);
+}
+
+template <class K> BIG int runge_kutta(Work& w, Explicit& e, const double* scene, const double* tau, int substeps, const K& keeper) {
     Tree& t = w.tree;
     const real h = (real)(FRAME / substeps);
+    if (!keeper.begin(false, substeps)) return FINER;
     t.shift = v3(0, 0, 0);
     see(w, scene);
     for (int substep = 0; substep < substeps; substep++) {
+        keeper.begins(w, substep);
         double q[NQ], qd[NV];
         for (int k = 0; k < NQ; k++) q[k] = t.q[k];
         for (int k = 0; k < NV; k++) qd[k] = t.qd[k];
-        for (int stage = 0; stage < 4; stage++) {
-            const double at = stage == 0 ? 0 : stage == 3 ? 1 : 0.5;
-            if (stage) {
-                for (int k = 0; k < NQ; k++) t.q[k] = q[k] + at * h * e.rates[stage - 1][k];
-                for (int k = 0; k < NV; k++) t.qd[k] = (real)(qd[k] + at * h * e.rates[stage - 1][NQ + k]);
-            }
-            kinematics(t);
-            const int state = accelerate(w, e, tau, true, false, h, MOST_RK4);
-            if (state) return state;
-            double* r = e.rates[stage];
-            for (int i = 0; i < NJ; i++) r[COORDS + i] = t.qd[DOFS + i];
-            for (int k = 0; k < NV; k++) r[NQ + k] = w.qdd[k];
-            if (DOFS) {
-                const V3 a = v3(t.qd[0], t.qd[1], t.qd[2]), v = v3(t.qd[3], t.qd[4], t.qd[5]), c = cross(a, v);
-                r[0] = v.x; r[1] = v.y; r[2] = v.z;
-                // (w, 0) Q / 2, of a quaternion as it is.
-                const double x = t.q[3], y = t.q[4], z = t.q[5], s = t.q[6];
-                r[3] = 0.5 * (a.x * s + a.y * z - a.z * y);
-                r[4] = 0.5 * (-a.x * z + a.y * s + a.z * x);
-                r[5] = 0.5 * (a.x * y - a.y * x + a.z * s);
-                r[6] = 0.5 * (-a.x * x - a.y * y - a.z * z);
-                r[NQ + 3] += c.x; r[NQ + 4] += c.y; r[NQ + 5] += c.z;
-            }
-        }
-        for (int k = 0; k < NQ + NV; k++) {
-            const double change = h / 6.0 * (e.rates[0][k] + 2 * e.rates[1][k] + 2 * e.rates[2][k] + e.rates[3][k]);
-            if (k < NQ) t.q[k] = q[k] + change;
-            else t.qd[k - NQ] = (real)(qd[k - NQ] + change);
-        }
+        const int state = stages(w, e, tau, q, qd, h, MOST_RK4);
+        if (state) return state;
+        for (int k = 0; k < NQ; k++) t.q[k] = q[k] + grown(e, k, h);
+        for (int k = 0; k < NV; k++) t.qd[k] = (real)(qd[k] + grown(e, NQ + k, h));
         if (DOFS) {
             double n = sqrt(t.q[3] * t.q[3] + t.q[4] * t.q[4] + t.q[5] * t.q[5] + t.q[6] * t.q[6]);
             for (int k = 3; k < 7; k++) t.q[k] /= n;

@@ -34,25 +34,28 @@ FN void wrap(double* state) {
         if (WRAPS[i]) state[COORDS + i] = wrapped(state[COORDS + i]);
 }
 
+constexpr int MOST_SUBSTEPS = SUBSTEPS > CONTACT_SUBSTEPS ? SUBSTEPS : CONTACT_SUBSTEPS;
+
 // One try of a frame from `state`, which the tree has been given, with `finer` times the substeps; 0, or why not.
-BIG int attempt(Work& w, const double* state, const double* tau, const double* scene, const double* drives, double* forces, int finer) {
+template <class K>
+BIG int attempt(Work& w, const double* state, const double* tau, const double* scene, const double* drives, double* forces, int finer, const K& keeper) {
     if (forces) for (int k = 0; k < 3 * NP; k++) forces[k] = 0;
     const bool touching = NP > 0 && NC > 0 && scene[3] != 0;
     w.eventful = false;
     w.even = finer > 1;
     w.work = w.effort = 0;
-    if (HELD || DRIVEN || (touching && IMPLICIT)) return implicit(w, scene, tau, drives, forces, CONTACT_SUBSTEPS * finer);
+    if (HELD || DRIVEN || (touching && IMPLICIT)) return implicit(w, scene, tau, drives, forces, CONTACT_SUBSTEPS * finer, keeper);
     for (int k = DOFS; k < NV; k++) w.eventful = w.eventful || size(w.tree.qd[k]) * (real)(FRAME / (SUBSTEPS * finer)) > WHIRL_RK4;
     Explicit e;
     e.looked = false;
     e.soft = -1;
     for (int i = 0; i < NJ; i++) e.weight[i] = -1;
-    const int done = !touching && RK4 ? runge_kutta(w, e, scene, tau, SUBSTEPS * finer)
+    const int done = !touching && RK4 ? runge_kutta(w, e, scene, tau, SUBSTEPS * finer, keeper)
                                       : euler(w, e, scene, tau, forces, touching, (touching ? CONTACT_SUBSTEPS : SUBSTEPS) * finer);
     if (done != STIFF) return done;
     take(w.tree, state);
     if (forces) for (int k = 0; k < 3 * NP; k++) forces[k] = 0;
-    return implicit(w, scene, tau, drives, forces, (SUBSTEPS > CONTACT_SUBSTEPS ? SUBSTEPS : CONTACT_SUBSTEPS) * finer);
+    return implicit(w, scene, tau, drives, forces, MOST_SUBSTEPS * finer, keeper);
 }
 
 // Times as many substeps that the frame from `state` to where the tree is, in so many of them, needs to give no energy.
@@ -84,12 +87,12 @@ BIG int refine(Work& w, const double* state, const double* tau, const double* sc
 
 // Moves the tree from `state`, which it has been given; 0, or why not: 1 + the DoF at which the mass matrix is none, LOST. A frame that gives
 // energy is stepped anew with more substeps.
-BIG int moved(Work& w, const double* state, const double* tau, const double* scene, const double* drives, double* forces) {
+template <class K>
+BIG int moved(Work& w, const double* state, const double* tau, const double* scene, const double* drives, double* forces, const K& keeper) {
     bool eventful = false;
     for (int finer = 1;;) {
-        const int done = attempt(w, state, tau, scene, drives, forces, finer);
-        const int substeps = (SUBSTEPS > CONTACT_SUBSTEPS ? SUBSTEPS : CONTACT_SUBSTEPS) * finer;
-        if (!WATCHED || substeps >= FINEST) return done;
+        const int done = attempt(w, state, tau, scene, drives, forces, finer, keeper), substeps = MOST_SUBSTEPS * finer;
+        if (!WATCHED || substeps >= FINEST || done == FINER) return done;
         eventful = eventful || w.eventful;
         const int times = done ? 2 : eventful ? refine(w, state, tau, scene, substeps) : 1;
         if (times == 1) return 0;
@@ -104,7 +107,7 @@ static_assert(sizeof(Work) + sizeof(Explicit) < 500000, "the robot is too large 
 BIG int frame(double* state, const double* tau, const double* scene, const double* drives, double* forces) {
     Work w;
     take(w.tree, state);
-    int done = moved(w, state, tau, scene, drives, forces);
+    int done = moved(w, state, tau, scene, drives, forces, Nobody());
     if (!done) done = give(w.tree, state);
     if (!done) wrap(state);
     return done;

@@ -213,18 +213,29 @@ FN void bend(Work& w, Touch& t, V3 turned, real h) {
     t.turn = turned + bent;
 }
 
-// w.rate, the change of local velocities, from forces in the substep's middle. 1: found, 0: the substep is too long to find it, -1: no inertia.
-BIG int accelerate_ahead(Work& w, const double* tau, real h, bool correct, real settled) {
-    Tree& tr = w.tree;
+// What the joints' own dampers and springs resist with.
+FN void share(Work& w, real h) {
     for (int i = 0; i < NJ; i++) {
         const real share = w.damper[i] * h * w.braked[i] + w.spring[i] * h * h * SPRING[i];
         if (ALONG) w.along.dampers[i] = share;
-        else tr.mass[LOWER(DOFS + i, DOFS + i)] += share;
+        else w.tree.mass[LOWER(DOFS + i, DOFS + i)] += share;
     }
+}
+
+// w.rate, the change of local velocities, from forces in the substep's middle. 1: found, 0: the substep is too long to find it, -1: no inertia.
+BIG int accelerate_ahead(Work& w, const double* tau, real h, bool correct, real settled) {
+    Tree& tr = w.tree;
+    share(w, h);
+    w.twice = false;
     bool stale = true, corrected = false, quiet = false, found = true;
     V3 turned = v3(0, 0, 0);
     for (int pass = 0; pass < PASSES; pass++) {
         if (stale) {
+            if (pass) {
+                w.twice = true;
+                w.once = pass == 1;
+                for (int k = 0; DRIVEN && k < w.touches; k++) w.early[k] = idle(w.touch[k]);
+            }
             for (int k = 0; k < NV; k++) w.middle[k] = tr.qd[k] + (real)0.5 * h * w.rate[k];
             bias(tr, w.middle, w.gravity, FOLDS ? w.external : 0);
             // The derivative of a velocity that moves along is the spatial acceleration and w x v.
@@ -262,11 +273,13 @@ BIG int accelerate_ahead(Work& w, const double* tau, real h, bool correct, real 
 }
 
 // A frame of so many substeps, each in halves while it is too long to be solved.
-BIG int implicit(Work& w, const double* scene, const double* tau, const double* drives, double* forces, int substeps) {
+template <class K>
+BIG int implicit(Work& w, const double* scene, const double* tau, const double* drives, double* forces, int substeps, const K& keeper) {
     Tree& tr = w.tree;
     const int whole = 1 << HALVINGS;
     int halved = 0, done = 0;      // how often this substep is; parts of the whole one that are behind
     real shared = 0;               // the length for which dampers are known
+    if (!keeper.begin(true, substeps)) return FINER;
     tr.shift = v3(0, 0, 0);
     for (int k = 0; k < WEIGHTS; k++) w.weight[k] = -1;
     for (int substep = 0; substep < substeps;) {
@@ -274,6 +287,7 @@ BIG int implicit(Work& w, const double* scene, const double* tau, const double* 
         const real h = (real)(FRAME / substeps / (1 << halved));
         if (ALONG) for (int k = 0; k < NQ; k++) w.before[k] = tr.q[k];
         drift(tr, (real)0.5 * h);
+        keeper.begins(w, substep);
         kinematics(tr);
         see(w, scene);
         if (!find(w, h, drives)) return LOST;
@@ -301,6 +315,7 @@ BIG int implicit(Work& w, const double* scene, const double* tau, const double* 
             w.work += work;
             w.effort += size(work);
         }
+        keeper.ends(w, substep, h);
         for (int k = DOFS; k < NV; k++)
             if (h * most(size(tr.qd[k]), size(tr.qd[k] + h * w.rate[k])) > WHIRL) w.eventful = true;
         for (int k = 0; k < NV; k++) tr.qd[k] += h * w.rate[k];

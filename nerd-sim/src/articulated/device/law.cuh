@@ -108,11 +108,11 @@ FN JointLaw joint_law(const Touch& t, real change, real weight, real h, bool fir
     change *= side;
     real by_k = -(t.gap + spring * h * change), by_d = -(rate + damper * change), by_half;
     law.by_change = -(k * spring * h + d * damper); law.by_gap = -k; law.by_rate = -d;
-    if (!even) {
+    if (!even || t.bounded) {
         shared(spring, EVEN, (real)0.5, k, weight, -k * h * change, by_k, law.by_weight);
         shared(damper, (real)0.5, (real)1, d, weight, -d * change, by_d, law.by_weight);
     }
-    if (parted(t.gap, (real)0.5 * h * rate, by_k * limit[2] + by_d * limit[3], law.by_gap, by_half))
+    if (!t.bounded && parted(t.gap, (real)0.5 * h * rate, by_k * limit[2] + by_d * limit[3], law.by_gap, by_half))
         law.by_rate += by_half * (real)0.5 * h * (rate < 0 ? -1 : 1);
     law.by_weight *= side;
     return law;

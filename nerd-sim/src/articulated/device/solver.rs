@@ -80,7 +80,7 @@ impl Motion for Whole {
         let Some(device) = &self.device else { return Ok(()) };
         let at = |of: u64, all: usize| of + (8 * all * back.frame) as u64;
         let given = [at(trail.states, held.states.len), at(trail.torques, held.n * held.joints), held.records.ptr, held.scene_of.ptr];
-        let found = [back.by_next, back.next[0], back.by_states, back.by_torques, back.next[1]];
+        let found = [held.drives.ptr, back.by_next, back.next[0], back.by_states, back.by_torques, back.next[1]];
         let args = [&given.map(Ptr)[..], &found.map(Ptr), &[Int(held.n), Int(back.rows)]].concat();
         device.launch("slopes", (held.n.div_ceil(BLOCK), back.rows), (BLOCK, 1), 0, &args)
     }

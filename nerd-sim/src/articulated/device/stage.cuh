@@ -22,43 +22,51 @@ BIG V3 press_back(Work& w, Back& b, const Touch& touch, const Law& law, real h) 
     return by_change - by_bend;
 }
 
-// Back over the solves with w.middle, which ended at this rate; `first`: with the drags that the substep began with.
-BIG void stage_back(Work& w, Back& b, const Kept& kept, const real* rate, real h, bool first) {
+// Back over the solves with w.middle, which ended at this rate with these touches idle; `first`: with the drags that the substep began with.
+BIG void stage_back(Work& w, Back& b, const Kept& kept, const real* rate, const unsigned* idle, real h, bool first) {
     Tree& t = w.tree;
     velocities(t, w.middle);
     accelerations(t, w.middle, w.gravity, b.acceleration);
     V3 turned = v3(0, 0, 0);
-    for (int k = 0; k < NV; k++) { b.qdd[k] = rate[k]; b.own[k] = b.rate[k]; b.by_middle[k] = 0; }
+    for (int k = 0; k < NV; k++) { b.qdd[k] = rate[k]; b.by_middle[k] = 0; }
     if (DOFS) {
         turned = cross(read3(w.middle), read3(w.middle + 3));
         write3(b.qdd + 3, read3(rate + 3) - turned);
     }
     twists(t, b.qdd, b.quickened);
-    const auto idle = [&](const Touch& touch) { return touch.parted && !first; };
+    const auto idles = [&](int n) { return idle[n / 32] >> n % 32 & 1; };
     const auto law = [&](Touch& touch, Law& law) {
         bend(w, touch, turned, h);
         const V3 change = at(b.quickened[touch.link], touch.x) * h;
         contact_law(touch, change, w.weight[touch.index], h, first, w.even, w.surface[touch.index % w.surfaces].material, law);
     };
     Law found;
-    for (int k = 0; k < NV * NV; k++) b.matrix[k] = 0;
-    for (int i = 0; i < NV; i++) upward(i, [&](int j) { b.matrix[i * NV + j] = b.matrix[j * NV + i] = t.mass[LOWER(i, j)]; });
+    real low[SIZE], up[SIZE], own[NV];
+    entries([&](int k) { low[k] = up[k] = t.mass[k]; });
+    for (int k = 0; k < NV; k++) own[k] = 0;
     for (int n = 0; n < w.touches; n++) {
-        Touch& touch = w.touch[n];
-        if (idle(touch)) continue;
-        if (touch.link < 0) {
-            b.matrix[touch.dof * NV + touch.dof] -= h * joint_law(touch, h * b.qdd[touch.dof], w.weight[touch.index], h, first, w.even).by_change;
-            continue;
-        }
+        const Touch& touch = w.touch[n];
+        if (touch.link >= 0 || idles(n)) continue;
+        own[touch.dof] -= h * joint_law(touch, h * b.qdd[touch.dof], w.weight[touch.index], h, first, w.even).by_change;
+    }
+    onward<0, NV>([&](auto k) { low[LOWER(k, k)] += own[k]; });
+    points(w, [&](Touch& touch, auto link) {
+        if (idles(&touch - w.touch)) return;
         law(touch, found);
         V3 a[NV];
-        columns(t, touch.link, touch.x, a);
-        upward(last_dof(touch.link), [&](int i) {
-            const V3 along = back(found.by_change, a[i]) * h;
-            upward(last_dof(touch.link), [&](int j) { b.matrix[j * NV + i] -= dot(along, a[j]); });
+        columns(t, link, touch.x, a);
+        upward(last_dof(link), [&](auto i) {
+            const V3 along = back(found.by_change, a[i]) * h, other = found.by_change * a[i] * h;
+            low[LOWER(i, i)] -= dot(along, a[i]);
+            above(i, [&](auto j) {
+                up[LOWER(i, j)] -= dot(along, a[j]);
+                low[LOWER(i, j)] -= dot(other, a[j]);
+            });
         });
-    }
-    eliminate(b.matrix, b.own);
+    });
+    onward<0, NV>([&](auto k) { own[k] = b.rate[k]; });
+    eliminate(low, up, own);
+    onward<0, NV>([&](auto k) { b.own[k] = own[k]; });
     V3 by_turn = DOFS ? read3(b.rate + 3) : v3(0, 0, 0);
     adjoint_begin(t, b);
     for (int i = 0; i < NJ; i++) {
@@ -71,7 +79,7 @@ BIG void stage_back(Work& w, Back& b, const Kept& kept, const real* rate, real h
     }
     for (int n = 0; n < w.touches; n++) {
         Touch& touch = w.touch[n];
-        if (idle(touch)) continue;
+        if (idles(n)) continue;
         if (touch.link >= 0) {
             law(touch, found);
             by_turn = by_turn + press_back(w, b, touch, found, h);
@@ -98,10 +106,10 @@ BIG void stage_back(Work& w, Back& b, const Kept& kept, const real* rate, real h
 // Back over a weight w = y^T M^-1 y of a touch or a joint, with b.own = M^-1 y: dw = 2 z . dy - z . dM z.
 BIG void push_back(const Tree& t, Back& b, const Touch* touch, int point, real by) {
     twists(t, b.own, b.virtuals);
-    for (int i = 0; i < NL; i++) {
+    onward<0, NL>([&](auto i) {
         b.by_virtual[i] = (body(t, i) * b.virtuals[i]) * (-2 * by);
         b.loads[i] = b.loads[i] - cross(b.virtuals[i], b.by_virtual[i]);
-    }
+    });
     if (touch) {
         const int i = touch->link;
         const V3 n = touch->normal * (2 * by);

@@ -37,6 +37,18 @@ struct Work {
     Along along;
     Wrench external[FOLDS ? NL : 1];      // what links do to each other
     real rate[NV], middle[NV], right[NV], qdd[NV];
+    // Of the substep's first solves, where a second middle was found: whether it was one solve, and which touches were idle (with drives; else none).
+    bool twice, once, early[DRIVEN ? MOST : 1];
+};
+
+// Whether it does nothing, or what does not change.
+FN bool idle(const Touch& t) { return t.parted || t.held; }
+
+// Whom a frame tells of its substeps: nobody, or who goes back over them (back.cuh).
+struct Nobody {
+    bool begin(bool, int) const { return true; }
+    void begins(const Work&, int) const {}
+    void ends(const Work&, int, real) const {}
 };
 
 FN double stands(const Work& w, int k) { return DOFS ? w.tree.q[k] : STAND[k]; }

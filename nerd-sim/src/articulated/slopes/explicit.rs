@@ -1,111 +1,97 @@
 //! Back over Runge-Kutta's substeps, stage by stage.
 
 use nalgebra::Quaternion;
-use nerd_core::dynamics::{bias, crba};
 
-use super::super::workspace::Workspace;
+use super::super::kept::Flown;
 use super::numbers::Layout;
 use super::row::{Row, set};
-use super::stage::{Memory, Place};
+use super::stage::Memory;
 use crate::prelude::*;
 
-impl Workspace {
-    /// Back over the frame's substeps, of each of which the state before it and the four rates were kept.
-    pub(super) fn back_runge_kutta(&mut self, place: Place, kept: &[f64], rows: &mut [Row]) -> Result<(), String> {
-        let robot = &place.system.robot;
-        let (nq, d) = (robot.nq(), robot.state_dim());
-        let dt = place.system.frame_time * (5 * d) as f64 / kept.len() as f64;
-        let mut memory = Memory::new(robot);
-        let mut trial = vec![0.0; d];
-        // By the numbers of the state before a substep and after it, a quaternion's four among them, and by those of a stage's trial.
-        let mut by: Vec<[Vec<f64>; 3]> = vec![[0; 3].map(|_| vec![0.0; d]); rows.len()];
-        let mut by_rate = vec![0.0; d];
-        for substep in kept.chunks_exact(5 * d).rev() {
-            let (state, rates) = substep.split_at(d);
-            let rates: Vec<&[f64]> = rates.chunks_exact(d).collect();
-            trial.copy_from_slice(state);
-            for (weight, rates) in [1.0, 2.0, 2.0, 1.0].into_iter().zip(&rates) {
-                trial.iter_mut().zip(*rates).for_each(|(x, r)| *x += weight / 6.0 * dt * r);
+/// Working memory.
+pub(super) struct Flight {
+    end: Vec<f64>,
+    /// Gradients by the numbers of the state before a substep and after it, a quaternion's four among them, by those of a stage, and by its rate.
+    by_state: Vec<f64>,
+    by_end: Vec<f64>,
+    by_stage: Vec<f64>,
+    by_rate: Vec<f64>,
+    virtuals: Vec<f64>,
+    qdd: Vec<f64>,
+}
+
+impl Flight {
+    pub(super) fn new(robot: &Robot) -> Self {
+        let [end, by_state, by_end, by_stage, by_rate] = [(); 5].map(|()| vec![0.0; robot.state_dim()]);
+        let [virtuals, qdd] = [(); 2].map(|()| vec![0.0; robot.nv()]);
+        Self { end, by_state, by_end, by_stage, by_rate, virtuals, qdd }
+    }
+}
+
+impl Row {
+    /// Back over the frame's substeps.
+    pub(super) fn back_flights(&mut self, system: &System, flights: &[Flown], memory: &mut Memory) {
+        let robot = &system.robot;
+        let dt = system.frame_time * 4.0 / flights.len() as f64;
+        for stages in flights.chunks_exact(4).rev() {
+            let own = &mut memory.flight;
+            own.end.copy_from_slice(&stages[0].state);
+            for (weight, stage) in [1.0, 2.0, 2.0, 1.0].into_iter().zip(stages) {
+                own.end.iter_mut().zip(&stage.rate).for_each(|(x, r)| *x += weight / 6.0 * dt * r);
             }
-            for (row, [by_state, by_end, by_trial]) in rows.iter().zip(&mut by) {
-                row.numbers(robot, &trial, by_end);
-                by_state.copy_from_slice(by_end);
-                by_trial.fill(0.0);
+            self.numbers(robot, &own.end, &mut own.by_end);
+            own.by_state.copy_from_slice(&own.by_end);
+            own.by_stage.fill(0.0);
+            // Shares of a stage's rate in the state of the next one, and in the end.
+            for (stage, (next, weight)) in stages.iter().zip([(0.5, 1.0), (0.5, 2.0), (1.0, 2.0), (0.0, 1.0)]).rev() {
+                let own = &mut memory.flight;
+                let sums = own.by_end.iter().zip(&own.by_stage).map(|(end, stage)| dt * (weight / 6.0 * end + next * stage));
+                own.by_rate.iter_mut().zip(sums).for_each(|(b, sum)| *b = sum);
+                self.back_rate(robot, stage, memory);
+                let own = &mut memory.flight;
+                own.by_state.iter_mut().zip(&own.by_stage).for_each(|(s, t)| *s += t);
             }
-            // Shares of a stage's rate in its own trial's successor, and in the end.
-            for (k, (at, next, weight)) in
-                [(0.0, 0.5, 1.0), (0.5, 0.5, 2.0), (0.5, 1.0, 2.0), (1.0, 0.0, 1.0)].into_iter().enumerate().rev()
-            {
-                trial.copy_from_slice(state);
-                if k > 0 {
-                    trial.iter_mut().zip(rates[k - 1]).for_each(|(x, r)| *x += at * dt * r);
-                }
-                kinematics(robot, &trial, &mut self.data);
-                crba(robot, &mut self.data);
-                bias(robot, &trial[nq..], &place.scene.gravity, &mut self.data);
-                if !self.factor.refill(&self.data.mass) {
-                    return Err(self.factor.fault(robot));
-                }
-                for (row, [by_state, by_end, by_trial]) in rows.iter_mut().zip(&mut by) {
-                    let sums = by_end.iter().zip(&*by_trial).map(|(end, trial)| dt * (weight / 6.0 * end + next * trial));
-                    by_rate.iter_mut().zip(sums).for_each(|(b, sum)| *b = sum);
-                    self.back_rate(robot, (&trial, rates[k]), &by_rate, row, &mut memory, by_trial);
-                    by_state.iter_mut().zip(&*by_trial).for_each(|(s, t)| *s += t);
-                }
-            }
-            rows.iter_mut().zip(&by).for_each(|(row, [by_state, ..])| row.take_numbers(robot, state, by_state));
+            self.take_numbers(robot, &stages[0].state, &memory.flight.by_state);
         }
-        Ok(())
     }
 
-    /// Back over the rate of a state `[q, qd]` in local velocities, `explicit::rate`: writes the gradient by the state's numbers.
-    fn back_rate(
-        &self,
-        robot: &Robot,
-        (state, rate): (&[f64], &[f64]),
-        by_rate: &[f64],
-        row: &mut Row,
-        memory: &mut Memory,
-        out: &mut [f64],
-    ) {
+    /// Back over the rate of a stage, `explicit::rate`: writes the gradient by its state's numbers. Its own pose and speed are working memory.
+    fn back_rate(&mut self, robot: &Robot, stage: &Flown, memory: &mut Memory) {
         let (nq, dofs, coords) = (robot.nq(), robot.root_dofs(), robot.root_coords());
-        let (q, qd) = state.split_at(nq);
-        let mut virtuals = by_rate[nq..].to_vec();
-        let mut qdd = rate[nq..].to_vec();
-        let (mut pose, mut speed) = (vec![0.0; robot.nv()], vec![0.0; robot.nv()]);
-        out.fill(0.0);
-        speed[dofs..].copy_from_slice(&by_rate[coords..nq]);
+        let Memory { adjoint, flight: Flight { by_stage, by_rate, virtuals, qdd, .. }, .. } = memory;
+        let (data, (q, qd)) = (&stage.data, stage.state.split_at(nq));
+        virtuals.copy_from_slice(&by_rate[nq..]);
+        qdd.copy_from_slice(&stage.rate[nq..]);
+        self.pose.fill(0.0);
+        self.speed[dofs..].copy_from_slice(&by_rate[coords..nq]);
         if robot.floating() {
             let [w, v, by] = [qd, &qd[3..], &by_rate[nq + 3..]].map(vector);
             let turn = w.cross(&v);
             (0..3).for_each(|k| qdd[3 + k] -= turn[k]);
-            let (spun, by_spun) = (numbers(&q[3..]), numbers(&by_rate[3..]));
-            let by_w = (by_spun * spun.conjugate()).imag() * 0.5;
-            set(&mut speed, [by_w + v.cross(&by), vector(by_rate) + by.cross(&w)]);
-            out[3..7].copy_from_slice((Quaternion::from_imag(w) * by_spun * -0.5).coords.as_slice());
+            let by_w = (numbers(&by_rate[3..]) * numbers(&q[3..]).conjugate()).imag() * 0.5;
+            set(&mut self.speed, [by_w + v.cross(&by), vector(by_rate) + by.cross(&w)]);
         }
-        self.factor.solve(&mut virtuals);
-        row.loads.fill(Wrench::default());
-        memory.adjoint.begin(robot, &self.data, &virtuals, &qdd, &mut row.loads);
-        row.inertias(robot, &self.data, &memory.adjoint);
-        let by_base = memory.adjoint.end(robot, &self.data, (&virtuals, qd, &qdd), &mut row.loads, &mut speed);
-        row.numbers.add(Layout::gravity, (-by_base).into());
-        row.unload(robot, &self.data, &mut pose);
+        stage.factor.solve(virtuals);
+        self.loads.fill(Wrench::default());
+        adjoint.begin(robot, data, virtuals, qdd, &mut self.loads);
+        self.inertias(robot, data, adjoint);
+        let by_base = adjoint.end(robot, data, (virtuals, qd, qdd), &mut self.loads, &mut self.speed);
+        self.numbers.add(Layout::gravity, (-by_base).into());
+        self.unload(robot, data);
         for (i, joint) in robot.joints().enumerate() {
             let own = virtuals[dofs + i];
-            row.torque[i] += own;
-            speed[dofs + i] -= joint.damping * own;
-            row.numbers.add(|at| at.joint(i, 0), [-qd[dofs + i] * own, 0.0, -qdd[dofs + i] * own]);
+            self.torque[i] += own;
+            self.speed[dofs + i] -= joint.damping * own;
+            self.numbers.add(|at| at.joint(i, 0), [-qd[dofs + i] * own, 0.0, -qdd[dofs + i] * own]);
             if let Some(limit) = joint.limit.filter(|l| l.force(q[coords + i], qd[dofs + i]) != 0.0) {
-                pose[dofs + i] -= limit.stiffness * own;
-                speed[dofs + i] -= limit.damping * own;
+                self.pose[dofs + i] -= limit.stiffness * own;
+                self.speed[dofs + i] -= limit.damping * own;
             }
         }
-        out[coords..nq].copy_from_slice(&pose[dofs..]);
-        out[nq..].copy_from_slice(&speed);
+        self.numbers(robot, &stage.state, by_stage);
         if robot.floating() {
-            let by = turned_back(&q[3..], &vector(&pose));
-            (0..4).for_each(|k| out[3 + k] += by.coords[k]);
+            let spun = Quaternion::from_imag(vector(qd)) * numbers(&by_rate[3..]) * -0.5;
+            by_stage[3..7].iter_mut().zip(spun.coords.iter()).for_each(|(b, s)| *b += s);
         }
     }
 }

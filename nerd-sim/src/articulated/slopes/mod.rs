@@ -13,10 +13,11 @@ use nerd_core::dynamics::{crba, motions, motions_back};
 use numbers::Numbers;
 pub use numbers::numbers;
 use row::Row;
-use stage::{Memory, Place};
+pub(super) use stage::Memory;
+use stage::Place;
 
 use super::config::Settings;
-use super::kept::{Kept, Step};
+use super::kept::Step;
 use super::workspace::Workspace;
 use crate::prelude::*;
 use crate::solver::parallel::{Back, Frame};
@@ -53,18 +54,21 @@ impl Back for Workspace {
     ) -> Result<[Vec<f64>; 3], String> {
         let robot = &system.robot;
         let start = state.to_vec();
-        self.kept = Some(Kept::default());
+        let mut memory = self.back.take().unwrap_or_else(|| Box::new(Memory::new(robot)));
+        self.kept = Some(std::mem::take(&mut memory.kept));
         let stepped = self.step(system, scene, settings, state, tau);
         let kept = self.kept.take().unwrap_or_default();
         stepped?;
         let place = Place { system, scene, friction: settings.config.friction };
         let begin = |by_next| Row::begin(robot, state, by_next, self.touches.weights.len(), Numbers::new(robot, scene, numbers));
         let mut rows: Vec<Row> = by_next.chunks_exact(2 * robot.nv()).map(begin).collect();
-        if kept.states.is_empty() {
-            self.back_implicit(place, &kept.steps, &mut rows);
+        if kept.flights().is_empty() {
+            self.back_implicit(place, &kept.steps, &mut rows, &mut memory);
         } else {
-            self.back_runge_kutta(place, &kept.states, &mut rows)?;
+            rows.iter_mut().for_each(|row| row.back_flights(system, kept.flights(), &mut memory));
         }
+        memory.kept = kept;
+        self.back = Some(memory);
         let mut out: [Vec<f64>; 3] = Default::default();
         for row in rows {
             out[0].extend(row.end(robot, &start));
@@ -77,9 +81,8 @@ impl Back for Workspace {
 
 impl Workspace {
     /// Back over implicit substeps.
-    fn back_implicit(&mut self, place: Place, steps: &[Step], rows: &mut [Row]) {
+    fn back_implicit(&mut self, place: Place, steps: &[Step], rows: &mut [Row], memory: &mut Memory) {
         let robot = &place.system.robot;
-        let mut memory = Memory::new(robot);
         self.data.external.fill(Wrench::default());
         for (number, step) in steps.iter().enumerate().rev() {
             let (before, h) = (&steps[..number], step.h);
@@ -102,14 +105,12 @@ impl Workspace {
                 row.way = Vector3::zeros();
             }
             for stage in step.stages.iter().rev() {
-                self.back_stage(place, step, stage, rows, &mut memory);
+                self.back_stage(place, step, stage, rows, memory);
             }
-            self.back_weights(place, step, before, rows, &mut memory);
+            self.back_weights(place, step, before, rows, memory);
             for row in rows.iter_mut().rev() {
                 motions_back(robot, &self.data, &step.qd, &mut row.starts, &mut row.loads, &mut row.speed);
-                let mut pose = std::mem::take(&mut row.pose);
-                row.unload(robot, &self.data, &mut pose);
-                row.pose = pose;
+                row.unload(robot, &self.data);
                 row.drift(robot, &step.qd, 0.5 * h);
                 let after = after.pop();
                 row.pose.iter_mut().zip(after.iter().flatten()).for_each(|(p, a)| *p += a);

@@ -76,11 +76,11 @@ impl Row {
     }
 
     /// What loads on links do along each DoF of the pose, the way of a root apart, and to where their joints are on the links above.
-    pub(super) fn unload(&mut self, robot: &Robot, data: &Data, pose: &mut [f64]) {
-        let way = [3, 4, 5].map(|k| pose.get(k).copied().unwrap_or_default());
-        onto(robot, data, &mut self.loads, pose);
+    pub(super) fn unload(&mut self, robot: &Robot, data: &Data) {
+        let way = [3, 4, 5].map(|k| self.pose.get(k).copied().unwrap_or_default());
+        onto(robot, data, &mut self.loads, &mut self.pose);
         if robot.floating() {
-            (0..3).for_each(|k| pose[3 + k] = way[k] + self.way[k]);
+            (0..3).for_each(|k| self.pose[3 + k] = way[k] + self.way[k]);
         }
         let base = match robot.base {
             Base::Fixed(pose) => pose.rotation.to_rotation_matrix().into_inner(),

@@ -1,0 +1,114 @@
+//! Slopes of a frame against central differences.
+
+use nerd_core::tangent::{difference, moved};
+use nerd_sim::prelude::*;
+
+/// Solves of a substep until no drag changes any more, or so many: differences do not see what repetition left.
+pub const SOLVES: usize = 1000;
+pub const SETTLED: f64 = 1e-13;
+/// Largest error of a column of slopes, against its size.
+pub const EXACT: f64 = 1e-6;
+
+pub fn norm(x: impl IntoIterator<Item = f64>) -> f64 {
+    x.into_iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// The difference of two columns against the size of the second.
+pub fn apart(a: &[f64], b: &[f64]) -> f64 {
+    norm(a.iter().zip(b).map(|(a, b)| a - b)) / norm(b.iter().copied()).max(1e-12)
+}
+
+/// The batch's first environment at a state.
+pub fn only(batch: &Batch, state: &[f64]) -> Batch {
+    let mut one = Batch::new(&batch.system, &batch.scenes[0], 1);
+    one.drives = batch.drives.iter().take(batch.system.robot.joint_count()).copied().collect();
+    one.reset(0, state);
+    one
+}
+
+pub fn stepped(solver: &mut dyn Solver, batch: &Batch, state: &[f64], torques: &[f64]) -> Vec<f64> {
+    let mut now = only(batch, state);
+    solver.step(&mut now, torques).expect("steps");
+    now.states
+}
+
+/// An articulated solver whose substeps are solved to their end.
+pub fn settled(config: ArticulatedConfig) -> Articulated {
+    Articulated::new(config).settling(SETTLED, SOLVES)
+}
+
+/// Whether another solve of each substep still changes the next state.
+pub fn endless(config: ArticulatedConfig, batch: &Batch, state: &[f64], torques: &[f64], next: &[f64]) -> bool {
+    let longer = stepped(&mut Articulated::new(config).settling(SETTLED, SOLVES + 1), batch, state, torques);
+    apart(&longer, next) > 1e-12
+}
+
+/// Rows of an identity.
+pub fn identity(rows: usize) -> Vec<f64> {
+    (0..rows * rows).map(|k| f64::from(k % (rows + 1) == 0)).collect()
+}
+
+/// Central differences, plain and extrapolated from each size to the next: those that agree best with the ones before them, from `size` down,
+/// and how well they agree. Where something changes within reach of them all, none do.
+pub fn central(size: f64, mut side: impl FnMut(f64) -> Vec<f64>) -> (Vec<f64>, f64) {
+    let mut of = |size: f64| side(size).iter().zip(side(-size)).map(|(a, b)| (a - b) / (2.0 * size)).collect::<Vec<f64>>();
+    let (mut best, mut last) = ((Vec::new(), f64::INFINITY), [of(size), Vec::new()]);
+    for finer in 1..8 {
+        let plain = of(size * 0.25f64.powi(finer));
+        let extrapolated = plain.iter().zip(&last[0]).map(|(f, c)| f + (f - c) / 15.0).collect();
+        let now = [plain, extrapolated];
+        for (now, last) in now.iter().zip(&last).filter(|(_, last)| !last.is_empty()) {
+            let agrees = apart(now, last);
+            if agrees < best.1 {
+                best = (now.clone(), agrees);
+            }
+        }
+        last = now;
+    }
+    best
+}
+
+/// The worst errors of a state's slopes by state and by torque, of columns from these sizes of differences down; none where differences disagree among
+/// themselves by more than `exact`.
+pub fn errors(
+    solver: &mut dyn Solver,
+    batch: &Batch,
+    state: &[f64],
+    torques: &[f64],
+    [by_state, by_torque]: [f64; 2],
+    exact: f64,
+) -> Option<[f64; 2]> {
+    let robot = &batch.system.robot;
+    let (rows, joints) = (2 * robot.nv(), robot.joint_count());
+    let slopes = solver.back(&only(batch, state), torques, rows, &identity(rows)).expect("slopes");
+    let mut worst = [0.0f64; 2];
+    for k in 0..rows + joints {
+        let (found, agrees) = central(if k < rows { by_state } else { by_torque }, |by| {
+            let (mut from, mut torques) = (state.to_vec(), torques.to_vec());
+            if k < rows {
+                let change: Vec<f64> = (0..rows).map(|i| if i == k { by } else { 0.0 }).collect();
+                moved(robot, state, &change, &mut from);
+            } else {
+                torques[k - rows] += by;
+            }
+            difference(robot, &slopes.next, &stepped(solver, batch, &from, &torques))
+        });
+        if agrees > exact {
+            return None;
+        }
+        let own = |row: usize| if k < rows { slopes.states[row * rows + k] } else { slopes.torques[row * joints + k - rows] };
+        let worst = &mut worst[usize::from(k >= rows)];
+        *worst = worst.max(apart(&(0..rows).map(own).collect::<Vec<_>>(), &found));
+    }
+    Some(worst)
+}
+
+/// What was measured, in a line; whether it is as it should be: at most `exact`, with one in twenty left out at most.
+pub fn told(what: &str, mut errors: Vec<f64>, left_out: usize, exact: f64) -> bool {
+    errors.sort_by(f64::total_cmp);
+    let (all, worst) = (errors.len() + left_out, errors.last().copied().unwrap_or(f64::NAN));
+    let share = 100.0 * left_out as f64 / all as f64;
+    let median = errors.get(errors.len() / 2).copied().unwrap_or(f64::NAN);
+    println!("{what}: {all} states, {share:.1} % left out, error {median:.1e} (median), {worst:.1e} (worst)");
+    worst < exact && 20 * left_out <= all
+}
