@@ -138,6 +138,10 @@ impl Plans {
         Ok(if name == "mppi" { Box::new(Mppi::new(episodes, self.mppi(task))) } else { Box::new(Ilqr::new(episodes, self.ilqr(task))?) })
     }
 
+    fn arena(&self, task: &str, ahead: &str) -> Result<Arena> {
+        arena_of(task, ahead, self.device).map_err(|e| Error::msg(format!("--set ahead={e}")))
+    }
+
     /// What a planner that looks ahead somewhere reaches in the truth.
     pub fn row(&self, task: &str, name: &str, arena: &Arena) -> Result<Row> {
         let truth = Arena::Truth(Truth::Articulated);
@@ -211,7 +215,7 @@ impl Experiment for Plans {
                 }
             }
             for ahead in &self.ahead {
-                inputs.add(input_of(task, &arena_of(task, ahead, self.device)?)?);
+                inputs.add(input_of(task, &self.arena(task, ahead)?)?);
             }
             if let Some(path) = self.policy(task)? {
                 inputs.add(Input::policy(&path)?);
@@ -225,7 +229,7 @@ impl Experiment for Plans {
         let mut rows = Vec::new();
         for task in &self.task {
             for (planner, ahead) in self.planner.iter().flat_map(|planner| self.ahead.iter().map(move |ahead| (planner, ahead))) {
-                rows.push(self.row(task, planner, &arena_of(task, ahead, self.device)?)?);
+                rows.push(self.row(task, planner, &self.arena(task, ahead)?)?);
             }
             rows.push(self.still(task)?);
             if let Some(path) = self.policy(task)? {
