@@ -181,5 +181,5 @@ fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<T>> {
         return Ok(None);
     }
     let text = nerd_sim::files::read_text(path).map_err(error::file(path))?;
-    Ok(Some(serde_json::from_str(&text).map_err(error::file(path))?))
+    Ok(Some(serde_json::from_str(&text).with_context(|| path.display().to_string())?))
 }
