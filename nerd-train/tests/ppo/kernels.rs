@@ -57,8 +57,20 @@ int main() {
     RUN(seen, mean(partial.data(), steps, seen, parts, second.data()));
     RUN(steps, goals(both.data(), values.data(), steps, law[4], law[5], law[6], law[7], law[8], law[9], advantages.data(), wanted.data(),
                      known.data()));
+    // Twice at most time runs out in an environment.
+    const int slots = 2;
+    vector<double> all(values), shares(steps), earned(n);
+    all.insert(all.end(), cut.begin(), cut.end());
+    vector<unsigned> which((1 + slots) * n), without(n, 7);
+    vector<int> asked(steps);
+    vector<float> by((1 + slots) * n * (a + 1), 7), slow = means;
+    RUN(n, reached(ends.data(), which.data(), n, horizon, slots));
+    RUN(n, shac_ahead(rewards.data(), ends.data(), all.data(), law.data(), shares.data(), asked.data(), by.data(), earned.data(), without.data(), n,
+                      horizon, slots, a, a + 1, law[2], law[3]));
+    RUN(n * a, shac_follow(slow.data(), spreads.data(), 0.25f, n * a));
     for (auto* x : {&inputs, &means, &spreads, &actions, &surprise, &kept, &advantages, &wanted, &known}) give(*x);
-    for (auto* x : {&worth, &both, &first, &second}) give(*x);
+    for (auto* x : {&worth, &both, &first, &second, &shares, &earned}) give(*x);
+    give(which), give(asked), give(without), give(by), give(slow);
 }
 ";
 
@@ -123,7 +135,10 @@ fn near(what: &str, found: &[f64], expected: &[f64], most: f64) {
 #[test]
 fn kernels_answer_and_judge_as_the_cpu_does() {
     let Some(compiler) = cpp::Compiler::find() else { return };
-    let text = MAIN.replace("#include KERNELS", &(RANDOM.to_string() + include_str!("../../src/ppo/cuda/acting.cu")));
+    let text = MAIN.replace(
+        "#include KERNELS",
+        &(RANDOM.to_string() + include_str!("../../src/ppo/cuda/acting.cu") + include_str!("../../src/ppo/cuda/shac/kernels.cu")),
+    );
     let Rolled { policy, engine, rewards, ends, cut, last, kept } = rolled();
     let (r, steps) = (&engine.rollout, N * HORIZON);
     let returns: Vec<f64> = r.advantages.iter().zip(&r.values).map(|(a, v)| a + v).collect();
@@ -178,4 +193,62 @@ fn kernels_answer_and_judge_as_the_cpu_does() {
     let means: Vec<f64> = (0..SEEN).map(|k| of(k, 0.0, 1)).collect();
     near("means of columns", &double(SEEN), &means, 1e-12);
     near("variances of columns", &double(SEEN), &(0..SEEN).map(|k| of(k, means[k], 2)).collect::<Vec<_>>(), 1e-12);
+    let ahead = Ahead::of(&rewards, &ends, [&values, &cut], units(&policy.returns)[1]);
+    near("what rewards count", &double(steps), &ahead.shares, 1e-12);
+    near("J by environment", &double(N), &ahead.earned, 1e-12);
+    let rest = &output[output.len() - 4 * (3 * N + steps + N + 3 * N * (A + 1) + N * A)..];
+    let words = rest.as_chunks::<4>().0;
+    let (whole, floats) = words.split_at(3 * N + steps + N);
+    let whole: Vec<i32> = whole.iter().map(|b| i32::from_le_bytes(*b)).collect();
+    assert_eq!(
+        whole,
+        [&ahead.which[..], &ahead.asked, &[0; N]].concat(),
+        "where values go, rows that are asked for, environments without slopes"
+    );
+    let floats: Vec<f64> = floats.iter().map(|b| f64::from(f32::from_le_bytes(*b))).collect();
+    near("gradients by values", &floats[..3 * N * (A + 1)], &ahead.by, 1e-6);
+    let (mean, spread) = (at(&r.mean), at(&r.spread));
+    let followed: Vec<f64> = mean.iter().zip(spread).map(|(slow, now)| 0.25 * slow + 0.75 * now).collect();
+    near("the slower critic", &floats[3 * N * (A + 1)..], &followed, 1e-6);
+}
+
+/// What SHAC's way back begins with, of a rollout in which time ran out twice at most.
+struct Ahead {
+    shares: Vec<f64>,
+    earned: Vec<f64>,
+    which: Vec<i32>,
+    asked: Vec<i32>,
+    by: Vec<f64>,
+}
+
+impl Ahead {
+    fn of(rewards: &[f64], ends: &[u8], [values, cut]: [&[f64]; 2], unit: f64) -> Self {
+        let ((gamma, scale), steps) = (LAW, N * HORIZON);
+        let (mut which, mut asked, mut by) = (vec![-1; 3 * N], vec![-1; steps], vec![0.0; 3 * N * (A + 1)]);
+        let (mut shares, mut earned) = (vec![1.0; steps], vec![0.0; N]);
+        for env in 0..N {
+            which[env] = (steps + env) as i32;
+            let mut out = 0;
+            for t in 0..HORIZON {
+                let i = t * N + env;
+                if t > 0 && ends[i - N] == 0 {
+                    shares[i] = gamma * shares[i - N];
+                }
+                earned[env] += scale * shares[i] * rewards[i];
+                let row = match ends[i] {
+                    2 => {
+                        out += 1;
+                        which[out * N + env] = (steps + N + i) as i32;
+                        out * N + env
+                    }
+                    0 if t + 1 == HORIZON => env,
+                    _ => continue,
+                };
+                asked[i] = row as i32;
+                by[row * (A + 1) + A] = -gamma * shares[i] * scale * unit;
+                earned[env] += scale * gamma * shares[i] * if ends[i] == 2 { cut[i] } else { values[steps + env] };
+            }
+        }
+        Self { shares, earned, which, asked, by }
+    }
 }
