@@ -68,20 +68,20 @@ pub fn central(size: f64, mut side: impl FnMut(f64) -> Vec<f64>) -> (Vec<f64>, f
     best
 }
 
-/// The worst errors of a state's slopes by state and by torque, of columns from these sizes of differences down; none where differences disagree among
-/// themselves by more than `exact`.
+/// The worst errors of a state's slopes by state and by torque, of columns from these sizes of differences down, each against its own size or, of a solver in
+/// 32 bits, against the largest; none where differences disagree among themselves by more than `exact`.
 pub fn errors(
     solver: &mut dyn Solver,
     batch: &Batch,
     state: &[f64],
     torques: &[f64],
     [by_state, by_torque]: [f64; 2],
-    exact: f64,
+    (exact, own_size): (f64, bool),
 ) -> Option<[f64; 2]> {
     let robot = &batch.system.robot;
     let (rows, joints) = (2 * robot.nv(), robot.joint_count());
     let slopes = solver.back(&only(batch, state), torques, rows, &identity(rows)).expect("slopes");
-    let mut worst = [0.0f64; 2];
+    let mut columns = [Vec::new(), Vec::new()];
     for k in 0..rows + joints {
         let (found, agrees) = central(if k < rows { by_state } else { by_torque }, |by| {
             let (mut from, mut torques) = (state.to_vec(), torques.to_vec());
@@ -93,12 +93,20 @@ pub fn errors(
             }
             difference(robot, &slopes.next, &stepped(solver, batch, &from, &torques))
         });
-        if agrees > exact {
-            return None;
-        }
         let own = |row: usize| if k < rows { slopes.states[row * rows + k] } else { slopes.torques[row * joints + k - rows] };
-        let worst = &mut worst[usize::from(k >= rows)];
-        *worst = worst.max(apart(&(0..rows).map(own).collect::<Vec<_>>(), &found));
+        let own: Vec<f64> = (0..rows).map(own).collect();
+        columns[usize::from(k >= rows)].push((apart(&own, &found), agrees, norm(found)));
+    }
+    let mut worst = [0.0; 2];
+    for (worst, columns) in worst.iter_mut().zip(&columns) {
+        let largest = columns.iter().fold(1e-12, |most: f64, (.., size)| most.max(*size));
+        for (off, agrees, size) in columns {
+            let share = if own_size { 1.0 } else { size / largest };
+            if share * agrees > exact {
+                return None;
+            }
+            *worst = f64::max(*worst, share * off);
+        }
     }
     Some(worst)
 }

@@ -41,7 +41,7 @@ fn error(config: ArticulatedConfig, batch: &Batch, state: &[f64], torques: &[f64
         return None;
     }
     // Torques do less, and in proportion.
-    errors(&mut solver, batch, state, torques, [3e-5, 3e-2], exact).map(|errors| errors[0].max(errors[1]))
+    errors(&mut solver, batch, state, torques, [3e-5, 3e-2], (exact, true)).map(|errors| errors[0].max(errors[1]))
 }
 
 /// Errors of slopes on states that random torques visit within so many frames.

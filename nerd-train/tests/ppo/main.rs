@@ -4,6 +4,8 @@
 mod common;
 #[path = "../../../nerd-sim/tests/cpp/mod.rs"]
 mod cpp;
+#[path = "../../../nerd-sim/tests/common/differences.rs"]
+mod differences;
 mod kernels;
 mod lead;
 mod learning;
@@ -11,6 +13,7 @@ mod pilot;
 mod policy;
 mod ranks;
 mod shac;
+mod slopes;
 
 use nerd_model::pick::Setting;
 use nerd_sim::sampling::stream;
