@@ -3,9 +3,9 @@
 use crate::prelude::*;
 #[cfg(feature = "rapier")]
 use crate::rapier::{Rapier, RapierConfig};
-pub use crate::system::truth::Truth;
 #[cfg(feature = "rapier")]
 use crate::system::truth::{ITERATIONS, STEPS};
+pub use crate::system::truth::{RECORDED, Truth};
 
 impl Truth {
     /// The solver itself.

@@ -1,8 +1,8 @@
 //! The cost of a frame: the shortest of several runs on one core. Every timing in a figure comes from here.
 
-use nerd_sim::instruments::{Replay, Timed};
+use nerd_sim::instruments::Timed;
 
-use crate::evaluate::{PassiveConfig, PassiveReport, passive};
+use crate::evaluate::PassiveReport;
 use crate::prelude::*;
 
 /// As many runs as fit into this, at most so many; and [`SOME`] if they fit into [`PATIENCE`].
@@ -21,22 +21,20 @@ fn best<E>(mut run: impl FnMut() -> Result<Duration, E>) -> Result<Duration, E> 
     Ok(best)
 }
 
-/// A solver's errors against these frames of a truth, and the microseconds of a frame of its own; time and errors are of the same
-/// steps.
+/// A solver's errors, found in so many frames, and the microseconds of a frame of its own; time and errors are of the same steps.
 pub fn timed(
-    (system, scene): (&Arc<System>, &Arc<Scene>),
     solver: Box<dyn Solver>,
-    truth: &[Vec<f64>],
-    protocol: PassiveConfig,
+    frames: usize,
+    compare: impl Fn(&mut dyn Solver) -> Result<PassiveReport, StepError>,
 ) -> Result<(PassiveReport, f64), StepError> {
     let (mut solver, mut report) = (Timed::new(solver), None);
     let best = best(|| {
         solver.spent = Duration::ZERO;
-        report = Some(passive(system, scene, &mut Replay::new(truth), &mut solver, protocol, &mut |_| ())?);
+        report = Some(compare(&mut solver)?);
         Ok::<_, StepError>(solver.spent)
     })?;
     let report = report.ok_or_else(|| StepError::Solver("it never ran".into()))?;
-    Ok((report, each(best, protocol.starts * protocol.steps)))
+    Ok((report, each(best, frames)))
 }
 
 /// Microseconds of one of `frames` frames that took so long.

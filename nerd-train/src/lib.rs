@@ -14,6 +14,7 @@ pub mod difference;
 pub mod error;
 pub mod evaluate;
 pub mod learner;
+pub mod measured;
 pub mod ppo;
 mod prelude;
 pub mod prepare;

@@ -1,18 +1,18 @@
 //! `cargo xtask evaluate --robot pendulum --scene ground1 --solver neural --starts 2048`: passive motion against the truth, a
 //! model's against the one it learned ([`nerd_lab::experiments::passive`]).
 
-use nerd_lab::experiments::passive::{Case, Passive, Protocol};
+use nerd_lab::experiments::passive::{Case, Passive, Protocol, Recorded};
 use nerd_lab::page::motions;
 
 use crate::out::{self, conduct, tables};
 use crate::prelude::*;
-use crate::solvers::SolverArgs;
+use crate::solvers::{SolverArgs, SolverName};
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct EvaluateArgs {
-    /// Robot: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf
-    #[arg(long)]
-    pub robot: String,
+    /// Robot: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf; a log names its own
+    #[arg(long, required_unless_present = "data", conflicts_with = "data")]
+    pub robot: Option<String>,
     #[command(flatten)]
     pub keys: Keys<Protocol>,
     #[command(flatten)]
@@ -29,17 +29,19 @@ pub struct EvaluateArgs {
 }
 
 pub fn run(args: EvaluateArgs) -> Result<()> {
-    let system = System::named(&args.robot)?;
-    let (solver, asked) = (args.solver.choose(&system)?, args.keys.settings()?);
+    let asked = args.keys.settings()?;
     let folder = args.out.or_else(|| args.name.as_ref().map(|_| results()));
     let name = args.name.unwrap_or_else(|| "passive".into());
+    let Some(robot) = args.robot else { return recorded(&args.solver, args.replay, &asked, &name, folder) };
+    let system = System::named(&robot)?;
+    let solver = args.solver.choose(&system)?;
     let replay = args.replay.map(|file| -> Result<_> {
         let Choice::Neural { folder, .. } = &solver else { bail!("--replay shows a model beside its truth: --solver neural is needed") };
         let scene = asked.scene.first().map_or_else(|| system.usual_scenes()[0], String::as_str);
-        Ok((file, motions::passive(&args.robot, scene, folder, asked.frames.unwrap_or(300), asked.seed)?))
+        Ok((file, motions::passive(&robot, scene, folder, asked.frames.unwrap_or(300), asked.seed)?))
     });
     let replay = replay.transpose()?;
-    let passive = Passive::new(&name, &[Case { robot: args.robot, solver, truth: args.solver.truth, asked }])?;
+    let passive = Passive::new(&name, &[Case { robot, solver, truth: args.solver.truth, asked }])?;
     match folder {
         Some(folder) => drop(conduct(&passive, &folder)?),
         None => {
@@ -48,4 +50,19 @@ pub fn run(args: EvaluateArgs) -> Result<()> {
         }
     }
     replay.map_or(Ok(()), |(file, page)| out::replay(&file, &page))
+}
+
+/// A model beside recorded motion.
+fn recorded(solver: &SolverArgs, replay: Option<PathBuf>, asked: &Protocol, name: &str, out: Option<PathBuf>) -> Result<()> {
+    let others = SolverArgs { solver: None, model: None, ..solver.clone() };
+    let other = solver.solver.is_some_and(|s| s != SolverName::Neural) || others != SolverArgs::default() || replay.is_some();
+    let (Some(data), Some(model), false) = (&asked.data, &solver.model, other) else {
+        bail!("--data compares a model with recorded motion: --model names it, and of the solver's other options none is taken");
+    };
+    let recorded = Recorded::new(name, data, model, asked)?;
+    match out {
+        Some(folder) => drop(conduct(&recorded, &folder)?),
+        None => tables(&[recorded.table(&recorded.verdict()?)]),
+    }
+    Ok(())
 }

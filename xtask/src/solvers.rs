@@ -7,7 +7,7 @@ use nerd_train::shipped;
 use crate::options::{MODELS, SUBSTEPS, TRUTHS};
 use crate::prelude::*;
 
-#[derive(clap::Args, Clone, Debug, Default)]
+#[derive(clap::Args, Clone, Debug, Default, PartialEq)]
 pub struct SolverArgs {
     /// Solver: articulated, rapier or neural [default: articulated]
     #[arg(long, value_enum)]

@@ -1,13 +1,15 @@
 //! How the objective changes with its parameters: sensitivities of rollouts, forward, `S' = A S + P` with a frame's slopes A by the state before
 //! and P by the parameters.
 
+use std::ops::AddAssign;
+
 use nalgebra::{DMatrix, DVector};
 use nerd_core::dynamics::Data;
 use nerd_core::state::{quaternion, vector};
 use nerd_core::tangent::difference;
 use rayon::prelude::*;
 
-use super::parameter::{CalibrateError, Parameter};
+use super::parameter::{CalibrateError, Parameter, What};
 use super::subject::{Engine, Subject};
 use super::trial::{Distance, Trial};
 use crate::articulated::Articulated;
@@ -66,6 +68,7 @@ impl Subject {
         let by_place: Vec<f64> = parameters.iter().zip(values).map(|(p, v)| p.by_place(*v)).collect();
         let by = self.numbers_by(parameters, values)?.into_iter().zip(&by_place).map(|(by, place)| DVector::from_vec(by) * *place);
         let by = DMatrix::from_columns(&by.collect::<Vec<_>>());
+        let late = parameters.iter().position(|p| p.what == What::Delay);
         let side = |k: usize, size: f64| {
             let mut values = values.to_vec();
             values[k] += size * by_place[k];
@@ -83,20 +86,29 @@ impl Subject {
                 s.set_column(k, &(DVector::from_vec(apart) / (2.0 * SIDE)));
             }
             let share = 1.0 / trial.measured.len() as f64;
-            for (torques, measured) in trial.torques.iter().zip(&trial.measured[1..]) {
-                let (slopes, numbers) = match solver.back_by_numbers(batch, torques, rows, &identity) {
+            let earlier = [&trial.earlier].into_iter().chain(&trial.torques);
+            for ((torques, before), measured) in trial.torques.iter().zip(earlier).zip(&trial.measured[1..]) {
+                let (slopes, numbers) = match solver.back_by_numbers(batch, &own.late(before, torques), rows, &identity) {
                     Ok(found) => found,
                     Err(StepError::Refused(_)) => return None,
                     // As a rollout, it says nothing more.
                     Err(_) => break,
                 };
                 s = DMatrix::from_row_slice(rows, rows, &slopes.states) * s + DMatrix::from_row_slice(rows, by.nrows(), &numbers) * &by;
+                if let Some(k) = late {
+                    let later = before.iter().zip(torques).map(|(before, now)| (before - now) * by_place[k]);
+                    let change =
+                        DMatrix::from_row_slice(rows, torques.len(), &slopes.torques) * DVector::from_iterator(torques.len(), later);
+                    s.column_mut(k).add_assign(&change);
+                }
                 // Frames this far from their parameters would weigh nothing.
                 if !s.iter().all(|x| x.abs() < HOPELESS) {
                     break;
                 }
                 batch.reset(0, &slopes.next);
-                let q = &slopes.next[..nq];
+                let mut q = slopes.next[..nq].to_vec();
+                own.shift(&mut q, -1.0);
+                let q = &q[..];
                 if robot.floating() {
                     let (r, from) = (quaternion(&q[3..7]), quaternion(&measured[3..7]));
                     let way = r.inverse_transform_vector(&(vector(q) - vector(measured)));
@@ -106,7 +118,11 @@ impl Subject {
                 let joints = turned(robot, measured, q);
                 let share = share / joints.len().max(1) as f64;
                 let all = joints.iter().enumerate();
-                all.for_each(|(i, apart)| bent.add(&[*apart], s.rows(dofs + i, 1).into_owned(), unit[2], share));
+                all.for_each(|(i, apart)| {
+                    let mut by = s.rows(dofs + i, 1).into_owned();
+                    parameters.iter().enumerate().filter(|(_, p)| p.what == What::Zero(i)).for_each(|(k, _)| by[k] -= by_place[k]);
+                    bent.add(&[*apart], by, unit[2], share);
+                });
             }
             Some(bent)
         };

@@ -32,11 +32,11 @@ impl Default for FitConfig {
 }
 
 /// Frames and trials that each stage of a descent sees, in shares of all.
-const STAGES: [[f64; 2]; 4] = [[0.125, 0.25], [0.5, 0.25], [1.0, 0.25], [1.0, 1.0]];
+pub(super) const STAGES: [[f64; 2]; 4] = [[0.125, 0.25], [0.5, 0.25], [1.0, 0.25], [1.0, 1.0]];
 /// Where a descent begins at least from the bounds: dry friction that is not there has no slope.
-const INSIDE: f64 = 0.01;
+pub(super) const INSIDE: f64 = 0.01;
 /// What a round's slopes cost, in evaluations of the objective over as many trials.
-const PASS: f64 = 10.0;
+pub(super) const PASS: f64 = 10.0;
 /// First steps of the coarse and of the fine search, in shares of the bounds.
 const STEPS: [f64; 2] = [0.15, 0.04];
 
@@ -58,7 +58,7 @@ pub struct Fit {
 }
 
 /// The sum of the distances in units of those of `unit`, over their number; joints only where there are some.
-fn objective(apart: &Distance, unit: &Distance) -> f64 {
+pub(super) fn objective(apart: &Distance, unit: &Distance) -> f64 {
     let parts = apart.parts().into_iter().zip(unit.parts());
     let (sum, n) = parts.filter(|p| p.1 > 0.0).fold((0.0, 0.0), |(sum, n), p| (sum + p.0 / p.1, n + 1.0));
     if n > 0.0 { sum / n } else { 0.0 }

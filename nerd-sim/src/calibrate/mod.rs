@@ -18,11 +18,13 @@
 mod bent;
 mod descent;
 mod fit;
+mod own;
 mod parameter;
 mod subject;
 mod trial;
 
 pub use fit::{Fit, FitConfig, thinned};
+pub use own::OwnFit;
 pub use parameter::{CalibrateError, Parameter};
 pub use subject::{Engine, Subject};
 pub use trial::{Distance, Trial, distance, mean};

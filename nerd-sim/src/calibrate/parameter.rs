@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 use nerd_core::contact::{ContactPoint, Locus};
+use nerd_core::robot::JointKind;
 
 use crate::scene::GRAVITY;
 use crate::solver::StepError;
@@ -54,6 +55,8 @@ impl CalibrateError {
 /// | `lag` | frames by which measured velocities are older than their poses, in free fall | 1 |
 /// | `joint-damping:JOINT`, `joint-friction:JOINT` | of a joint | N m s/rad, N m |
 /// | `armature:JOINT` | inertia of the drive at a joint | kg m^2 |
+/// | `zero:JOINT` | what a joint's sensor shows too little: its position is the reading and this | rad or m |
+/// | `delay` | share of a frame by which torques act late | 1 |
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameter {
     /// Its name.
@@ -89,6 +92,8 @@ pub(super) enum What {
     Height,
     Tilt(usize),
     Lag,
+    Delay,
+    Zero(usize),
     JointDamping(usize),
     JointFriction(usize),
     Armature(usize),
@@ -102,7 +107,7 @@ impl What {
 }
 
 /// Names without a link or joint.
-const PLAIN: [&str; 12] = [
+const PLAIN: [&str; 13] = [
     "friction",
     "stiffness",
     "damping",
@@ -113,6 +118,7 @@ const PLAIN: [&str; 12] = [
     "gravity",
     "height",
     "lag",
+    "delay",
     "tilt.x",
     "tilt.y",
 ];
@@ -129,7 +135,7 @@ impl Parameter {
             let joints = if joints.is_empty() {
                 String::new()
             } else {
-                format!("; armature, joint-damping, joint-friction:JOINT of {}", joints.join(", "))
+                format!("; armature, joint-damping, joint-friction, zero:JOINT of {}", joints.join(", "))
             };
             let (plain, links) = (PLAIN.join(", "), links.join(", "));
             CalibrateError::Parameter(format!(
@@ -167,6 +173,13 @@ impl Parameter {
             "height" => (What::Height, 0.0, -0.05 * size, 0.05 * size, false, "m"),
             "tilt.x" | "tilt.y" => (What::Tilt(axis(head)), 0.0, -0.05, 0.05, false, "rad"),
             "lag" => (What::Lag, 0.0, -1.0, 1.0, false, "1"),
+            "delay" if robot.joint_count() == 0 => return Err(CalibrateError::idle(name)),
+            "delay" => (What::Delay, 0.0, 0.0, 1.0, false, "1"),
+            "zero" => {
+                let slides = robot.joints().nth(joint()?).is_some_and(|j| j.kind == JointKind::Prismatic);
+                let (most, unit) = if slides { (0.1 * size, "m") } else { (0.3, "rad") };
+                (What::Zero(joint()?), 0.0, -most, most, false, unit)
+            }
             // Up to what stops a tenth of mass times size squared within a fiftieth of a second.
             "joint-damping" => {
                 let own = robot.joints().nth(joint()?).map_or(0.0, |j| j.damping);
@@ -210,6 +223,12 @@ impl Parameter {
         // rapier knows no dry friction of joints.
         names.extend(joints.flat_map(|j| [Some(format!("joint-damping:{j}")), (!rapier).then(|| format!("joint-friction:{j}"))]).flatten());
         names.iter().map(|name| Self::named(system, name)).collect()
+    }
+
+    /// What torques may determine beside that: inertia of drives, zeros of sensors, and how late they act.
+    pub fn driven(system: &System) -> Result<Vec<Self>, CalibrateError> {
+        let joints = system.robot.joints().flat_map(|j| [format!("armature:{}", j.name), format!("zero:{}", j.name)]);
+        joints.chain(["delay".into()]).map(|name| Self::named(system, &name)).collect()
     }
 
     /// The value at `x` from 0 (its lower bound) to 1.

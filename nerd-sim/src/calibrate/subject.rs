@@ -42,17 +42,23 @@ pub struct Subject {
     pub engine: Engine,
     /// Frames by which measured velocities are older than their poses.
     pub lag: f64,
+    /// Share of a frame by which torques act late.
+    pub delay: f64,
+    /// Positions of the joints where their sensors show 0 (rad or m).
+    pub zeros: Vec<f64>,
 }
 
 impl Subject {
     /// A robot as its files have it.
     pub fn new(system: &Arc<System>, scene: &str, engine: Engine) -> Result<Self, CalibrateError> {
-        Ok(Self { scene: system.scene(scene)?, system: system.clone(), engine, lag: 0.0 })
+        let zeros = vec![0.0; system.robot.joint_count()];
+        Ok(Self { scene: system.scene(scene)?, system: system.clone(), engine, lag: 0.0, delay: 0.0, zeros })
     }
 
     /// The same with these values of the parameters.
     pub fn with(&self, parameters: &[Parameter], values: &[f64]) -> Result<Self, CalibrateError> {
         let (mut system, mut engine, mut lag) = ((*self.system).clone(), self.engine, self.lag);
+        let (mut delay, mut zeros) = (self.delay, self.zeros.clone());
         // Before everything that is in metres.
         for (_, &value) in parameters.iter().zip(values).filter(|(p, _)| p.what == What::Size) {
             system.robot.scale(value);
@@ -88,6 +94,8 @@ impl Subject {
                 What::Height => self.plane(&mut system, p)?.height += value,
                 What::Tilt(axis) => self.plane(&mut system, p)?.angles[axis] += value,
                 What::Lag => lag = value,
+                What::Delay => delay = value,
+                What::Zero(joint) => zeros[joint] = value,
                 What::JointDamping(joint) => system.robot.joints_mut().nth(joint).into_iter().for_each(|j| j.damping = value),
                 What::Armature(joint) => system.robot.joints_mut().nth(joint).into_iter().for_each(|j| j.armature = value),
                 What::JointFriction(joint) => system.robot.joints_mut().nth(joint).into_iter().for_each(|j| j.friction = value),
@@ -101,7 +109,18 @@ impl Subject {
             }
         }
         let system = Arc::new(system);
-        Ok(Self { scene: system.scene(&self.scene.name)?, system, engine, lag })
+        Ok(Self { scene: system.scene(&self.scene.name)?, system, engine, lag, delay, zeros })
+    }
+
+    /// What acts at a frame of torques, of which the ones before still do for a while.
+    pub fn late(&self, before: &[f64], now: &[f64]) -> Vec<f64> {
+        before.iter().zip(now).map(|(before, now)| now + self.delay * (before - now)).collect()
+    }
+
+    /// The same pose as sensors show it, or with `side` 1 where the robot is when they show this.
+    pub fn shift(&self, pose: &mut [f64], side: f64) {
+        let first = self.system.robot.root_coords();
+        pose[first..].iter_mut().zip(&self.zeros).for_each(|(q, zero)| *q += side * zero);
     }
 
     /// How the numbers of robot and scene ([`numbers`]) change with each parameter at these values: `[parameter][number]`, with which gradients

@@ -16,12 +16,16 @@ use crate::system::System;
 pub struct Trial {
     /// Trajectory it is of.
     pub id: u64,
+    /// And the frame there that it begins at.
+    pub first: usize,
     /// The state `[q, qd]` that a rollout begins with.
     pub start: Vec<f64>,
     /// Coordinates q of every frame, the start's first.
     pub measured: Vec<Vec<f64>>,
     /// Torques held over each frame.
     pub torques: Vec<Vec<f64>>,
+    /// And over the one before, if it is known, or else the first.
+    pub earlier: Vec<f64>,
 }
 
 /// How far a rollout is from its measurement: means over its frames.
@@ -58,9 +62,11 @@ impl Log {
         let nq = self.system.robot.nq();
         let cut = |t: &Trajectory, first: usize, length: usize| Trial {
             id: t.id,
+            first,
             start: t.states[first].clone(),
             measured: t.states[first..first + length].iter().map(|s| s[..nq].to_vec()).collect(),
             torques: t.torques[first..first + length - 1].to_vec(),
+            earlier: t.torques[first.saturating_sub(1)].clone(),
         };
         let pieces = |t: &Trajectory| match length {
             0 => vec![cut(t, 0, t.states.len())],
@@ -71,7 +77,7 @@ impl Log {
 }
 
 impl Subject {
-    /// Rolls every trial out, in as many threads as there are: coordinates of every frame. A rollout that the solver cannot finish
+    /// Rolls every trial out, in as many threads as there are: coordinates of every frame as sensors would show them. A rollout that the solver cannot finish
     /// stays where it is from there on.
     /// Fails if none can be stepped once.
     pub fn roll(&self, trials: &[Trial]) -> Result<Vec<Vec<Vec<f64>>>, CalibrateError> {
@@ -81,13 +87,18 @@ impl Subject {
             batch.reset(0, &self.start(trial, data));
             solver.reset(0);
             let (mut lost, mut first) = (false, None);
-            let mut motion = vec![batch.state(0)[..nq].to_vec()];
-            for torques in &trial.torques {
-                if let Some(error) = if lost { None } else { solver.step(batch, torques).err() } {
+            let shown = |batch: &Batch| {
+                let mut pose = batch.state(0)[..nq].to_vec();
+                self.shift(&mut pose, -1.0);
+                pose
+            };
+            let mut motion = vec![shown(batch)];
+            for (torques, before) in trial.torques.iter().zip([&trial.earlier].into_iter().chain(&trial.torques)) {
+                if let Some(error) = if lost { None } else { solver.step(batch, &self.late(before, torques)).err() } {
                     lost = true;
                     first = first.or(Some(error).filter(|_| motion.len() == 1));
                 }
-                motion.push(batch.state(0)[..nq].to_vec());
+                motion.push(shown(batch));
             }
             (motion, first)
         });
@@ -102,6 +113,7 @@ impl Subject {
     /// own moment.
     pub(super) fn start(&self, trial: &Trial, data: &mut Data) -> Vec<f64> {
         let (robot, mut state, mut events) = (&self.system.robot, trial.start.clone(), Vec::new());
+        self.shift(&mut state[..robot.nq()], 1.0);
         if !robot.floating() {
             return state;
         }

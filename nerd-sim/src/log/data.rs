@@ -45,6 +45,13 @@ pub enum LogError {
     System(#[from] SystemError),
 }
 
+impl Log {
+    /// Whether any torque acts.
+    pub fn driven(&self) -> bool {
+        self.trajectories.iter().flat_map(|t| &t.torques).flatten().any(|t| *t != 0.0)
+    }
+}
+
 pub(super) fn bad(path: &Path, reason: String) -> LogError {
     FileError::new(path, reason).into()
 }

@@ -8,6 +8,7 @@
 mod check;
 mod data;
 mod read;
+mod recording;
 mod spec;
 mod tidy;
 
@@ -18,7 +19,7 @@ pub(crate) use tidy::turned;
 
 use data::bad;
 pub use data::{Log, LogError, Trajectory};
-pub use read::specified;
+pub use read::{specified, tables};
 pub use spec::{LogSpec, Published};
 
 /// Between two rows lie at most so many frames.
@@ -35,6 +36,9 @@ impl Log {
         check::rates(&csv, &spec, &system, &raw)?;
         tidy::copies(&system, &mut raw, &mut notes);
         let cut = tidy::cut(raw, &mut notes);
+        if cut.is_empty() {
+            return Err(bad(&csv, format!("no two rows follow each other: {}", notes.join("; "))));
+        }
         let frame = system.frame_time;
         if let Some((line, step)) = cut.iter().map(|r| (r.moments[0].line, tidy::step(&r.moments))).find(|(_, step)| *step > FEW * frame) {
             let text = format!("line {line}: rows lie {step:.3e} s apart, a frame of the robot is {frame:.3e} s; is `units.time` right?");

@@ -1,7 +1,7 @@
 //! Rows of a table, in SI units and our own order of coordinates.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::data::{LogError, bad};
 use super::spec::{Axes, LogSpec, RootColumns, Units};
@@ -24,7 +24,7 @@ pub(super) struct Moment {
     /// Velocities: of a floating root the angular velocity and that of its origin, both in world axes, then joints. NaN where
     /// they were not measured.
     pub qd: Vec<f64>,
-    /// Torques of the joints.
+    /// Torques of the joints; NaN where a cell is empty.
     pub torques: Vec<f64>,
 }
 
@@ -137,19 +137,52 @@ impl<'a> Columns<'a> {
             let number = |c: Option<usize>, absent: f64| c.map_or(Ok(absent), |c| row.numbers(&[c]).map(|x| x[0]));
             q.push(number(joint[0], 0.0)? * unit);
             qd.push(number(joint[1], f64::NAN)? * unit);
-            torques.push(number(joint[2], 0.0)?);
+            let known = joint[2].is_none_or(|c| !row.cell(c).is_empty());
+            torques.push(if known { number(joint[2], 0.0)? } else { f64::NAN });
         }
         Ok(Moment { line: row.line, time: row.numbers(&[self.time])?[0] * time, q, qd, torques })
     }
 }
 
-/// All rows by trajectory, in the order of their names.
+/// The tables of a log: a file, or those in a folder, by name.
+pub fn tables(csv: &Path) -> Result<Vec<PathBuf>, LogError> {
+    if !csv.is_dir() {
+        return Ok(vec![csv.into()]);
+    }
+    let entries = std::fs::read_dir(csv).map_err(|e| bad(csv, e.to_string()))?;
+    let mut all: Vec<PathBuf> = entries.flatten().map(|e| e.path()).filter(|p| p.extension().is_some_and(|e| e == "csv")).collect();
+    all.sort();
+    if all.is_empty() { Err(bad(csv, "no .csv in this folder".into())) } else { Ok(all) }
+}
+
+/// All rows by trajectory, in the order of their names. Of several tables each is one, where no column names them.
 pub(super) fn rows(csv: &Path, spec: &LogSpec, system: &System) -> Result<Vec<Raw>, LogError> {
+    let mut all = BTreeMap::new();
+    for (k, csv) in tables(csv)?.iter().enumerate() {
+        let own = of_table(csv, k as u64, spec, system)?;
+        if let Some(id) = own.keys().find(|id| all.contains_key(*id)) {
+            return Err(bad(csv, format!("trajectory {id} is in another table, too; leave `trajectory` out if each table is one")));
+        }
+        all.extend(own);
+    }
+    if let Some(only) = &spec.only {
+        if let Some(id) = only.iter().find(|id| !all.contains_key(*id)) {
+            return Err(bad(csv, format!("no trajectory {id}, which `only` names")));
+        }
+        all.retain(|id, _| only.contains(id));
+    }
+    if all.is_empty() {
+        return Err(bad(csv, "no rows".into()));
+    }
+    Ok(all.into_values().collect())
+}
+
+fn of_table(csv: &Path, number: u64, spec: &LogSpec, system: &System) -> Result<BTreeMap<u64, Raw>, LogError> {
     let mut table = Table::open(csv)?;
     let columns = Columns::new(&table, spec, system)?;
     let mut all: BTreeMap<u64, Raw> = BTreeMap::new();
     table.rows(|row| {
-        let id = columns.trajectory.map_or(Ok(0), |c| row.whole(c, u64::MAX))?;
+        let id = columns.trajectory.map_or(Ok(number), |c| row.whole(c, u64::MAX))?;
         let moment = columns.moment(row)?;
         // Squares of what is larger leave the range of numbers, and nothing that moves is.
         if let Some(x) = moment.q.iter().chain(&moment.qd).chain(&moment.torques).chain([&moment.time]).find(|x| x.abs() > MOST) {
@@ -164,8 +197,5 @@ pub(super) fn rows(csv: &Path, spec: &LogSpec, system: &System) -> Result<Vec<Ra
         raw.moments.push(moment);
         Ok(())
     })?;
-    if all.is_empty() {
-        return Err(bad(csv, "no rows".into()));
-    }
-    Ok(all.into_values().collect())
+    Ok(all)
 }

@@ -7,9 +7,10 @@ use serde::{Deserialize, Deserializer, Serialize};
 /// One file of measurements.
 ///
 /// ```toml
-/// file = "tosses.csv"               # beside this one
+/// file = "tosses.csv"               # beside this one, or a folder of such tables
 /// robot = "cube.urdf"               # beside this one, or a built-in robot's name
 /// scene = "ground"                  # where it was measured, by default this one
+/// only = [0, 2, 3]                  # trajectories to read; without it all
 /// trajectory = "toss"               # column whose value names the trajectory; without it all rows are one
 /// time = "t"
 /// units = { length = "m", angle = "rad", time = "s" }   # these by default; also cm, mm; deg; ms, us, ns
@@ -24,7 +25,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 /// name = "hinge"
 /// position = "theta"
 /// velocity = "thetadot"             # without it from differences
-/// torque = "tau"                    # without it 0
+/// torque = "tau"                    # from this row to the next; without it 0. An empty cell ends a trajectory
 /// [[published]]                     # published results on these measurements
 /// method = "ContactNets"
 /// position = 0.017                  # mean distance (m)
@@ -33,11 +34,12 @@ use serde::{Deserialize, Deserializer, Serialize};
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LogSpec {
-    /// CSV beside this file.
+    /// CSV beside this file, or a folder of them.
     pub file: String,
     pub(super) robot: String,
     #[serde(default = "ground")]
     pub(super) scene: String,
+    pub(super) only: Option<Vec<u64>>,
     pub(super) trajectory: Option<String>,
     pub(super) time: String,
     #[serde(default)]

@@ -1,6 +1,7 @@
 //! From rows to frames: copies left out, cut at gaps, missing velocities from differences, other rates resampled.
 
 use nerd_core::dynamics::to_world;
+use nerd_core::state::wrap_state;
 
 use super::data::Trajectory;
 use super::read::{Moment, Raw};
@@ -51,21 +52,28 @@ pub(super) fn copies(system: &System, raw: &mut Vec<Raw>, notes: &mut Vec<String
     }
 }
 
-/// Cuts trajectories where rows are missing; what is left needs two rows.
+/// Cuts trajectories where rows or torques are missing; what is left needs two rows.
 pub(super) fn cut(raw: Vec<Raw>, notes: &mut Vec<String>) -> Vec<Raw> {
-    let (mut all, mut gaps, mut first) = (Vec::new(), 0, None);
+    let (mut all, mut gaps, mut idle, mut first) = (Vec::new(), 0, 0, None);
     for Raw { id, moments } in raw {
         let limit = GAP * step(&moments);
         let mut part: Vec<Moment> = Vec::new();
         for moment in moments {
-            if part.last().is_some_and(|last| moment.time - last.time > limit) {
-                gaps += 1;
-                first.get_or_insert(moment.line);
+            // Nobody knows what acted from the last row on.
+            let unknown = part.last().is_some_and(|last| last.torques.iter().any(|t| t.is_nan()));
+            let late = part.last().is_some_and(|last| moment.time - last.time > limit);
+            if late || unknown {
+                idle += usize::from(unknown);
+                gaps += usize::from(late);
+                first = first.or(late.then_some(moment.line));
                 all.push(Raw { id, moments: std::mem::take(&mut part) });
             }
             part.push(moment);
         }
         all.push(Raw { id, moments: part });
+    }
+    if idle > 0 {
+        notes.push(format!("{idle} rows that are not the last of a trajectory have no torque: trajectories are cut there"));
     }
     let before = all.len();
     all.retain(|raw| raw.moments.len() > 1);
@@ -112,6 +120,19 @@ pub(super) fn rate(robot: &Robot, a: &[f64], b: &[f64], seconds: f64) -> Vec<f64
     out
 }
 
+/// Mean of the torques that rows hold until the next, over some time; what is not known counts nothing.
+fn held(moments: &[Moment], [from, to]: [f64; 2]) -> Vec<f64> {
+    let (mut sum, mut total) = (vec![0.0; moments[0].torques.len()], 0.0);
+    for pair in moments.windows(2).take_while(|pair| pair[0].time < to) {
+        let share = pair[1].time.min(to) - pair[0].time.max(from);
+        if share > 0.0 {
+            total += share;
+            sum.iter_mut().zip(&pair[0].torques).for_each(|(sum, t)| *sum += share * t);
+        }
+    }
+    sum.into_iter().map(|sum| if total > 0.0 { sum / total } else { 0.0 }).collect()
+}
+
 /// At `time` between two moments: positions and velocities linearly, turns on the shortest arc, torques held.
 fn between(robot: &Robot, a: &Moment, b: &Moment, time: f64) -> Moment {
     let s = (time - a.time) / (b.time - a.time);
@@ -144,16 +165,21 @@ pub(super) fn states(system: &System, raw: Vec<Raw>, notes: &mut Vec<String>) ->
                 while at + 2 < moments.len() && moments[at + 1].time < time {
                     at += 1;
                 }
-                between(robot, &moments[at], &moments[at + 1], time)
+                let torques = held(&moments[at..], [time, time + frame]);
+                Moment { torques, ..between(robot, &moments[at], &moments[at + 1], time) }
             });
             moments = even.collect();
         }
         let states = moments.iter().map(|m| {
             let mut qd = m.qd.clone();
             to_world(robot, &m.q, &mut qd);
-            [&m.q[..], &qd[..]].concat()
+            let mut state = [&m.q[..], &qd[..]].concat();
+            wrap_state(robot, &mut state);
+            state
         });
-        Trajectory { id, states: states.collect(), torques: moments.iter().map(|m| m.torques.clone()).collect() }
+        // What would act after the last row moves nothing here.
+        let torques = moments.iter().map(|m| m.torques.iter().map(|t| if t.is_nan() { 0.0 } else { *t }).collect());
+        Trajectory { id, states: states.collect(), torques: torques.collect() }
     });
     let all: Vec<Trajectory> = all.collect();
     if differences > 0 {

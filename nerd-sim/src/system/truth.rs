@@ -31,6 +31,9 @@ pub(crate) const STEPS: usize = 16;
 #[cfg(feature = "rapier")]
 pub(crate) const ITERATIONS: usize = 4;
 
+/// How the truth of a model begins that learned recorded motion, before the name of its log. No solver is that.
+pub const RECORDED: &str = "recorded ";
+
 impl Truth {
     /// All of them.
     pub const ALL: &[Self] = &[
@@ -52,6 +55,11 @@ impl Truth {
 
     /// The one of that name.
     pub fn named(name: &str) -> Result<Self, String> {
+        if let Some(log) = name.strip_prefix(RECORDED) {
+            return Err(format!(
+                "what was learned is the recorded motion `{log}`, which no solver steps: compare with it by `evaluate --data`"
+            ));
+        }
         let known = || Self::ALL.iter().map(|t| t.name()).collect::<Vec<_>>().join(", ");
         let found = Self::ALL.iter().find(|t| t.name() == name).copied();
         found.ok_or_else(|| format!("no truth is called `{name}`; choose from {}", known()))

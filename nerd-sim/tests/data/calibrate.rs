@@ -63,7 +63,7 @@ fn twice_the_size_under_twice_the_gravity_moves_alike() {
     let large = own.with(&parameters(&system, &["size", "gravity"]), &[2.0, 2.0 * g]).expect("values");
     let start = vec![0.3, -0.7, 0.5, 1.0];
     let torques = vec![vec![0.0; 2]; 60];
-    let trial = Trial { id: 0, measured: vec![start[..2].to_vec(); 61], start, torques };
+    let trial = Trial { id: 0, first: 0, measured: vec![start[..2].to_vec(); 61], start, torques, earlier: vec![0.0; 2] };
     let last = |s: &Subject| s.roll(std::slice::from_ref(&trial)).expect("a rollout")[0][60].clone();
     let (a, b) = (last(&own), last(&large));
     let off = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
@@ -135,9 +135,72 @@ fn what_a_solver_refuses_is_an_error() {
     let urdf = include_str!("../../assets/logs/elbow.urdf").replace("friction=\"0\"", "friction=\"0.001\"");
     let system = Arc::new(System::from_text("elbow", &urdf, Some(include_str!("../../assets/logs/elbow.toml"))).expect("an elbow"));
     let state = system.default_state();
-    let trial = Trial { id: 0, measured: vec![state[..8].to_vec(); 3], torques: vec![vec![0.0]; 2], start: state };
+    let torques = vec![vec![0.0]; 2];
+    let trial = Trial { id: 0, first: 0, measured: vec![state[..8].to_vec(); 3], torques, start: state, earlier: vec![0.0] };
     let subject = Subject::new(&system, "ground", Engine::Rapier(RapierConfig::default())).expect("a table");
     let said = line(subject.distances(&[trial]));
     assert!(said.contains("friction"), "{said}");
     assert!(Parameter::usual(&system, "ground", true).expect("parameters").iter().all(|p| !p.name.starts_with("joint-friction")));
+}
+
+/// The double pendulum that is real, as its file describes it.
+fn swung() -> Subject {
+    let system = System::named(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/logs/double-pendulum.urdf")).expect("the sample's robot");
+    let engine = Engine::Articulated(ArticulatedConfig::accurate(&system));
+    Subject::new(&system, "free", engine).expect("a scene")
+}
+
+/// Rollouts of a subject under torques that change every frame, as its sensors show them: pieces of 40 frames of one trajectory.
+fn shown(subject: &Subject, id: u64, frames: usize) -> Vec<Trial> {
+    let mut rng = stream(11, id);
+    let torques: Vec<Vec<f64>> = (0..frames).map(|_| [0.6, 0.4].map(|most| most * nerd_sim::sampling::normal(&mut rng)).to_vec()).collect();
+    let mut solver = subject.engine.solver();
+    let mut batch = Batch::new(&subject.system, &subject.scene, 1);
+    batch.reset(0, &[0.2 * id as f64, -0.3, 0.0, 0.0]);
+    let mut states = vec![batch.state(0).to_vec()];
+    for k in 0..frames {
+        solver.step(&mut batch, &subject.late(&torques[k.saturating_sub(1)], &torques[k])).expect("a step");
+        states.push(batch.state(0).to_vec());
+    }
+    states.iter_mut().for_each(|state| subject.shift(&mut state[..2], -1.0));
+    let trajectory = nerd_sim::log::Trajectory { id, torques: [&torques[..], &[vec![0.0; 2]]].concat(), states };
+    let log =
+        Log { system: subject.system.clone(), scene: "free".into(), trajectories: vec![trajectory], notes: vec![], published: vec![] };
+    log.trials(41, 40)
+}
+
+/// Torques that act late, a drive's inertia and its dry friction are found together with the zeros of sensors, which differ by trajectory.
+#[test]
+fn drives_and_sensors_are_found() {
+    let nominal = swung();
+    let names = ["armature:elbow", "joint-friction:shoulder", "delay"];
+    let (shared, truth) = (parameters(&nominal.system, &names), [0.006, 0.05, 0.6]);
+    let own = parameters(&nominal.system, &["zero:shoulder", "zero:elbow"]);
+    let zeros = [[0.06, -0.03], [-0.05, 0.1], [0.02, 0.04]];
+    let trials: Vec<Trial> = zeros.iter().enumerate().flat_map(|(k, zeros)| {
+        let values = [&truth[..], zeros].concat();
+        let made = nominal.with(&[&shared[..], &own].concat(), &values).expect("values");
+        shown(&made, k as u64, 400)
+    });
+    let trials: Vec<Trial> = trials.collect();
+    let config = FitConfig { evaluations: 1000, trials: 100, ..FitConfig::default() };
+    let fit = nominal.fit_own([&shared, &own], &trials, config, &mut |_, _| ()).expect("a fit");
+    println!("{:?} {:?}", fit.shared, fit.own);
+    assert!(fit.shared.after.joints < 0.01 * fit.shared.before.joints, "{:?}", fit.shared);
+    for ((name, found), true_) in names.iter().zip(&fit.shared.values).zip(&truth) {
+        assert!((found - true_).abs() < 0.02 * true_, "{name}: {found}, {true_} made the measurements");
+    }
+    for (k, zeros) in zeros.iter().enumerate() {
+        let off = fit.own[&(k as u64)].iter().zip(zeros).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(off < 1e-3, "trajectory {k}: zeros {:?}, {zeros:?} made the measurements", fit.own[&(k as u64)]);
+    }
+    // What is shared fits no trajectory where its own are not known.
+    let told = nominal.with(&shared, &fit.shared.values).expect("values");
+    let [without, with] = [told.clone(), told.with(&own, &fit.own[&1]).expect("values")].map(|s| {
+        let own: Vec<Trial> = trials.iter().filter(|t| t.id == 1).cloned().collect();
+        mean(&s.distances(&own).expect("rollouts")).joints
+    });
+    assert!(with < 0.05 * without, "{with} rad with its zeros, {without} without");
+    let rapier = Subject::new(&nominal.system, "free", Engine::Rapier(RapierConfig::default())).expect("a scene");
+    assert!(rapier.fit_own([&[], &own], &trials, config, &mut |_, _| ()).is_err());
 }

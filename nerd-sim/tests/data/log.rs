@@ -6,6 +6,7 @@ use std::path::Path;
 use crate::common::{built_in, line};
 use crate::tossed::{Toss, cube, folder, header, stamp, text, tosses};
 use nerd_sim::log::Log;
+use nerd_sim::prelude::*;
 
 fn read(rows: &str, toml: &str) -> Log {
     Log::read(&folder(rows, toml).path().join("cube.log.toml"), None).expect("a log")
@@ -163,4 +164,73 @@ fn the_sample_is_read() {
     assert!(log.notes.iter().any(|n| n.contains("free fall is 9.6")), "{:?}", log.notes);
     assert!(log.trajectories.iter().all(|t| t.states.iter().flatten().all(|x| x.is_finite())));
     assert!((log.system.frame_time - 1.0 / 148.0).abs() < 1e-12);
+}
+
+/// Tables in a folder, torques that are not known everywhere, a rate that is a multiple of the robot's; and pieces in which every sequence of
+/// frames is once, but for those of a last piece.
+#[test]
+fn a_folder_of_tables_becomes_pieces() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let system = built_in("pendulum");
+    let names: Vec<&str> = system.robot.joints().map(|j| j.name.as_str()).collect();
+    let joint = |k: usize| format!("[[joint]]\nname = \"{}\"\nposition = \"q{k}\"\nvelocity = \"v{k}\"\ntorque = \"u{k}\"\n", names[k]);
+    let toml = format!("file = \"runs\"\nrobot = \"pendulum\"\nscene = \"ground1\"\ntime = \"t\"\n{}{}", joint(0), joint(1));
+    std::fs::create_dir(folder.path().join("runs")).expect("a folder");
+    let write = |name: &str, rows: usize, per: usize, torque: &dyn Fn(usize) -> String| {
+        let dt = system.frame_time / per as f64;
+        let row = |k: usize| format!("{:.9},{:.9},0.5,0.3,0,{},0\n", k as f64 * dt, 0.3 * k as f64 * dt, torque(k));
+        let text: String = ["t,q0,q1,v0,v1,u0,u1\n".to_string()].into_iter().chain((0..rows).map(row)).collect();
+        std::fs::write(folder.path().join("runs").join(name), text).expect("written");
+    };
+    // The second has no torque in a row amid, as well as in its last; the third has four rows a frame.
+    write("a.csv", 31, 1, &|k| k.to_string());
+    write("b.csv", 25, 1, &|k| if k == 9 || k == 24 { String::new() } else { k.to_string() });
+    write("c.csv", 41, 4, &|k| k.to_string());
+    let path = folder.path().join("log.toml");
+    std::fs::write(&path, &toml).expect("written");
+    let log = Log::read(&path, None).expect("a log");
+    let sizes: Vec<(u64, usize)> = log.trajectories.iter().map(|t| (t.id, t.states.len())).collect();
+    assert_eq!(sizes, [(0, 31), (1, 10), (1, 15), (2, 11)], "{:?}", log.notes);
+    assert!(log.notes.iter().any(|n| n.starts_with("1 rows")), "{:?}", log.notes);
+    assert_eq!(log.trajectories[3].torques[2][0], 9.5, "the mean of 8 to 11");
+
+    let (frames, sequence) = (8, 3);
+    let recording = log.recording(&log.trajectories, frames, sequence - 1).expect("pieces");
+    recording.check(&system).expect("as the robot needs");
+    let starts: Vec<f64> = recording.torques.chunks(2 * frames).map(|piece| piece[0]).collect();
+    assert_eq!(starts, [0.0, 6.0, 12.0, 18.0, 22.0, 0.0, 1.0, 10.0, 16.0, 1.5, 9.5], "where pieces begin");
+    let mut first: Vec<u64> = Vec::new();
+    for piece in recording.torques.chunks(2 * frames).take(5) {
+        first.extend(piece.chunks(2).take(frames + 1 - sequence).map(|t| t[0] as u64));
+    }
+    first.dedup();
+    first.sort_unstable();
+    first.dedup();
+    assert_eq!(first, (0..=27).collect::<Vec<_>>(), "sequences of {sequence} frames begin at each of them");
+    // Contacts are those of the robot's own geometry.
+    let mut events = Vec::new();
+    contacts(
+        &system.robot,
+        &*system.scene("ground1").expect("a scene"),
+        &recording.states[..4],
+        &mut Data::new(&system.robot),
+        &mut events,
+    );
+    let depths: Vec<f64> = events.iter().map(|e| e.distance).collect();
+    assert_eq!(recording.depths[..depths.len()], depths[..]);
+
+    let one = |toml: &str| {
+        std::fs::write(&path, toml).expect("written");
+        Log::read(&path, None)
+    };
+    let some = one(&toml.replace("time =", "only = [0, 2]\ntime =")).expect("a log");
+    assert_eq!(some.trajectories.iter().map(|t| t.id).collect::<Vec<_>>(), [0, 2]);
+    for (what, toml, words) in [
+        ("another", toml.replace("time =", "only = [7]\ntime ="), "no trajectory 7"),
+        ("twice", toml.replace("time =", "trajectory = \"u1\"\ntime ="), "another table"),
+        ("none", toml.replace("\"runs\"", "\".\""), "no .csv"),
+    ] {
+        let said = line(one(&toml));
+        assert!(said.contains(words), "{what}: {said}");
+    }
 }

@@ -9,6 +9,8 @@ mod files;
 #[cfg(feature = "csv")]
 mod log;
 mod motions;
+#[cfg(all(feature = "calibrate", feature = "rapier"))]
+mod real;
 #[cfg(feature = "csv")]
 mod rollout;
 #[cfg(feature = "csv")]

@@ -10,9 +10,11 @@ use nerd_sim::dataset::{Act, Drive, Smooth};
 use nerd_sim::range::within;
 
 mod gaps;
+mod pieces;
 mod tally;
 
 pub use gaps::{quantities, summary, summary_names};
+pub use pieces::Pieces;
 pub use tally::PassiveReport;
 use tally::Tally;
 
@@ -46,7 +48,11 @@ impl PassiveConfig {
     pub fn check(&self) -> Result<(), String> {
         within("starts", self.starts as f64, 1.0..=1e9, "")?;
         within("steps", self.steps as f64, 1.0..=1e9, "")?;
-        if let Action::Random(factor) = self.action { within("drive", factor, -1e6..=1e6, "") } else { Ok(()) }
+        match self.action {
+            Action::Random(factor) => within("drive", factor, -1e6..=1e6, ""),
+            Action::Recorded(_) => Err("recorded motion has starts and torques of its own".into()),
+            _ => Ok(()),
+        }
     }
 }
 
@@ -61,6 +67,8 @@ pub enum Action {
     Limp,
     /// The training data's random torques times this factor, drawn at the truth's state and given to both.
     Random(f64),
+    /// Those that were recorded, from starts that were; a solver has seen so many frames before each ([`Pieces`]).
+    Recorded(usize),
 }
 
 /// As a protocol's words end with it: nothing for [`Action::Zero`].
@@ -70,6 +78,7 @@ impl fmt::Display for Action {
             Self::Zero => Ok(()),
             Self::Limp => f.write_str(", limp"),
             Self::Random(factor) => write!(f, ", torques x {factor}"),
+            Self::Recorded(before) => write!(f, " with their torques, {before} frames seen before each"),
         }
     }
 }
@@ -110,7 +119,7 @@ pub fn passive(
     let (action, mut torques) = (vec![0.0; joints], [vec![0.0; n * joints], vec![0.0; n * joints]]);
     for step in 1..=config.steps {
         match config.action {
-            Action::Limp => {}
+            Action::Limp | Action::Recorded(_) => {}
             Action::Zero => {
                 for (batch, torques) in [&real, &learned].into_iter().zip(&mut torques) {
                     for env in 0..n {
@@ -130,18 +139,7 @@ pub fn passive(
             }
         }
         truth.step(&mut real, &torques[0])?;
-        if let Err(error) = solver.step(&mut learned, &torques[1]) {
-            error.faults()?.iter().for_each(|fault| tally.fail(fault.env, step));
-        }
-        for env in 0..n {
-            if !tally.add(env, step, [real.state(env), learned.state(env), first.state(env)]) {
-                // Out of the way of overflow.
-                let held = first.state(env).to_vec();
-                learned.reset(env, &held);
-                solver.reset(env);
-            }
-        }
-        tally.close();
+        tally.step(solver, (&mut learned, &torques[1]), [&real.states, &first.states])?;
         progress(step);
     }
     Ok(tally.report(config.steps))

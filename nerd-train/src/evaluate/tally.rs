@@ -69,13 +69,36 @@ impl Tally {
         }
     }
 
+    /// Steps all rollouts and adds the step, given the true states after it and those at the start.
+    pub(super) fn step(
+        &mut self,
+        solver: &mut dyn Solver,
+        (learned, torques): (&mut Batch, &[f64]),
+        [real, first]: [&[f64]; 2],
+    ) -> Result<(), StepError> {
+        let (step, d) = (self.curve.len() + 1, learned.system.robot.state_dim());
+        if let Err(error) = solver.step(learned, torques) {
+            error.faults()?.iter().for_each(|fault| self.fail(fault.env, step));
+        }
+        for env in 0..self.n {
+            let row = env * d..(env + 1) * d;
+            if !self.add(env, step, [&real[row.clone()], learned.state(env), &first[row.clone()]]) {
+                // Out of the way of overflow.
+                learned.reset(env, &first[row]);
+                solver.reset(env);
+            }
+        }
+        self.close();
+        Ok(())
+    }
+
     /// The solver could not go on with a rollout.
-    pub(super) fn fail(&mut self, env: usize, step: usize) {
+    fn fail(&mut self, env: usize, step: usize) {
         self.failed[env] = self.failed[env].or(Some(step));
     }
 
     /// Adds a step of a rollout, its states those of the truth, the solver and the start; whether it is still there.
-    pub(super) fn add(&mut self, env: usize, step: usize, [real, learned, first]: [&[f64]; 3]) -> bool {
+    fn add(&mut self, env: usize, step: usize, [real, learned, first]: [&[f64]; 3]) -> bool {
         let row = env * self.width..(env + 1) * self.width;
         if self.gone[env].is_none() {
             self.gaps.between(real, learned, &mut self.last[row.clone()]);
@@ -95,7 +118,7 @@ impl Tally {
     }
 
     /// Ends a step of all rollouts.
-    pub(super) fn close(&mut self) {
+    fn close(&mut self) {
         let total: f64 = self.last.chunks(self.width).map(|row| row.iter().sum::<f64>()).sum();
         self.curve.push(total / (self.n * self.width) as f64);
     }

@@ -11,10 +11,11 @@ use super::settings::{RunConfig, Variant};
 use crate::checkpoint;
 use crate::difference::between;
 use crate::evaluate::{Action, PassiveConfig, horizon};
+use crate::measured::Measured;
 use crate::prelude::*;
 use crate::records::rows;
 use crate::trainer::TrainerConfig;
-use crate::verdict::{Verdict, verdict};
+use crate::verdict::{Verdict, recorded, verdict};
 
 /// Weights of a network beyond which they are stored in 16 bits: a small one errs so little that rounding would be most of its error.
 const LARGE: usize = 1_000_000;
@@ -54,6 +55,9 @@ pub(super) struct Identity {
     /// Who acts in part of the data, by content, and in what part.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub policies: Option<String>,
+    /// Of recorded motion, what nothing learns from.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub held_out: Option<String>,
     pub data_sha256: String,
     pub transitions: usize,
     /// Transitions recorded during the run.
@@ -74,7 +78,7 @@ impl Identity {
             robot: plan.system.name.clone(),
             robot_sha256: plan.system.robot_sha256(),
             system_sha256: plan.system.sha256(),
-            truth: record.truth(&plan.system).name(),
+            truth: plan.truth(),
             base: plan.form.base,
             view: plan.form.view,
             variant: *variant,
@@ -90,6 +94,7 @@ impl Identity {
             hold,
             resets,
             policies: plan.recording.pilot.as_ref().map(|p| format!("{p:?}")),
+            held_out: plan.measured.as_ref().map(Measured::held_out),
             data_sha256: String::new(),
             transitions: *transitions,
             fresh: *fresh,
@@ -165,15 +170,18 @@ pub(super) fn export(plan: &Plan, run: &Identity, normalizer: Normalizer, weight
         ("arithmetic", run.arithmetic.clone()),
         ("optimizer", format!("{:?}", run.learner.optimizer)),
         ("schedule", format!("{:?}", run.trainer.schedule)),
-        ("torque_scale", format!("U({}, 1)", run.torque_scale)),
     ];
+    own.push(match &plan.measured {
+        None => ("torque_scale", format!("U({}, 1)", run.torque_scale)),
+        Some(measured) => ("held out", measured.held_out()),
+    });
     let more = [("policies", plan.actors.clone()), ("started from", run.from.clone())];
     own.extend(more.into_iter().filter_map(|(name, value)| Some((name, value?))));
     let (provenance, table) = rows(out, plan.learner.seed, own)?;
     let config = model_config(run, &provenance);
     let card = format!(
         "# {} of `{}`\n\n{} ({} parameters, E {}, {} layers, window {}) that learned one frame of `{}`.\n\
-         {} updates of {} windows on {} {}transitions (SHA-256{} `{}`).\n\n{table}\n\
+         {} updates of {} windows on {} {}transitions{} (SHA-256{} `{}`).\n\n{table}\n\
          Written by `cargo xtask train`.\n",
         run.variant.name(),
         run.robot,
@@ -186,7 +194,8 @@ pub(super) fn export(plan: &Plan, run: &Identity, normalizer: Normalizer, weight
         run.trainer.updates,
         run.learner.batch,
         run.transitions + run.fresh,
-        if run.policies.is_none() { "random " } else { "" },
+        if run.policies.is_none() && plan.measured.is_none() { "random " } else { "" },
+        plan.measured.as_ref().map_or_else(String::new, |m| format!(" of {} recorded trajectories", m.size()[0])),
         if run.fresh > 0 { format!(" of the first {}", run.transitions) } else { String::new() },
         run.data_sha256,
     );
@@ -207,13 +216,21 @@ pub(super) fn export(plan: &Plan, run: &Identity, normalizer: Normalizer, weight
 fn verdict_on(plan: &Plan, folder: &Path, card: &str) -> Result<Option<Verdict>> {
     let Plan { system, config, .. } = plan;
     let model = Model::load(folder, system, None)?;
+    if let Some(measured) = &plan.measured {
+        let pieces = measured.rollouts(&measured.held_out, &plan.network, JUDGED)?;
+        return said(folder, card, recorded(measured, &pieces, &model, &[("as described", measured.described()?)])?);
+    }
     let scenes = system.usual_scenes();
     let scene = scenes.iter().find(|s| **s != "free").unwrap_or(&scenes[0]);
     // An arm that holds its pose does not move.
     let action = if system.spec.control.is_some() && !system.robot.floating() { Action::Random(1.0) } else { Action::Zero };
     let seed = config.record.seed.wrapping_add(2_000);
     let protocol = PassiveConfig { starts: JUDGED, steps: horizon(&system.name), seed, action };
-    let verdict = verdict(system, &system.scene(scene)?, &model, protocol)?;
+    said(folder, card, verdict(system, &system.scene(scene)?, &model, protocol)?)
+}
+
+/// Adds a verdict to a card.
+fn said(folder: &Path, card: &str, verdict: Option<Verdict>) -> Result<Option<Verdict>> {
     if let Some(verdict) = &verdict {
         let path = folder.join("README.md");
         nerd_sim::files::write(&path, format!("{card}\n## What it is worth\n\n{verdict}.\n").as_bytes()).map_err(Error::file(&path))?;

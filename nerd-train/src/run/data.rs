@@ -8,7 +8,7 @@ use nerd_model::trapezoid;
 use super::plan::Plan;
 use super::settings::Variant;
 use crate::prelude::*;
-use crate::prepare::{moments, normalize, read};
+use crate::prepare::{Prepared, moments, normalize, read, tokens};
 use crate::unroll::chain::{Cable, Loss, scales};
 use crate::unroll::robot::Robot;
 use crate::unroll::{Course, Motions};
@@ -71,12 +71,21 @@ impl Data {
     fn windows(plan: &Plan, ranks: &Ranks) -> Result<Self> {
         let Plan { config, system, form, .. } = plan;
         let (record, sequence) = (&config.record, plan.network.sequence());
-        let mut training = match &config.data {
-            Some(folder) => read(system, &record.truth(system).name(), folder, sequence, *form)?,
-            None => record.tokens(ranks, system, &plan.recording, sequence, *form)?,
+        let (mut training, mut validation) = match &plan.measured {
+            Some(measured) => {
+                let part =
+                    |part: &[_]| Ok::<_, Error>(tokens(system, &measured.recording(part, record.frames, sequence)?, sequence, *form));
+                (Prepared { windows: part(&measured.learned)?, sha256: measured.sha256.clone() }, part(&measured.choosing)?)
+            }
+            None => {
+                let training = match &config.data {
+                    Some(folder) => read(system, &record.truth(system).name(), folder, sequence, *form)?,
+                    None => record.tokens(ranks, system, &plan.recording, sequence, *form)?,
+                };
+                let validation = validation(plan, VALIDATION.0.min(config.transitions));
+                (training, record.tokens(ranks, system, &validation, sequence, *form)?.windows)
+            }
         };
-        let validation = validation(plan, VALIDATION.0.min(config.transitions));
-        let mut validation = record.tokens(ranks, system, &validation, sequence, *form)?.windows;
         let windows = &training.windows;
         if windows.is_empty() || validation.is_empty() {
             refuse!("{} trajectories of {} frames hold no sequence of {sequence} tokens", windows.trajectories(), windows.frames);
@@ -108,12 +117,22 @@ impl Data {
         let truth = record.truth(system).name();
         let recorded =
             |what: &GenerateConfig| cache.get((&config.robot, &truth, what, config.device), || record.motions(system, what, config.device));
-        let motions = match &config.data {
-            Some(folder) => cache.get(folder, || Ok(Motions::read(system, &truth, folder)?))?,
-            None => recorded(&plan.recording)?,
-        };
-        let validation = recorded(&validation(plan, config.rollouts.max(1) * record.frames))?;
         let frames = config.unrolled().unwrap_or(1);
+        let (motions, validation) = match &plan.measured {
+            Some(measured) => {
+                let part = |part: &[_]| Ok::<_, Error>(Motions::of(measured.recording(part, record.frames, frames)?, &measured.scene()?));
+                let mut motions = part(&measured.learned)?;
+                motions.sha256.clone_from(&measured.sha256);
+                (Arc::new(motions), Arc::new(part(&measured.choosing)?))
+            }
+            None => {
+                let motions = match &config.data {
+                    Some(folder) => cache.get(folder, || Ok(Motions::read(system, &truth, folder)?))?,
+                    None => recorded(&plan.recording)?,
+                };
+                (motions, recorded(&validation(plan, config.rollouts.max(1) * record.frames))?)
+            }
+        };
         let (normalizer, sets) = match (config.variant, &plan.parent) {
             (Variant::Chain, parent) => {
                 let chain = plan.chain()?;

@@ -3,12 +3,15 @@
 
 use nerd_model::chain::{self, Chain};
 use nerd_model::features::Features;
+use nerd_sim::log::specified;
 use serde_json::json;
 
 use super::memory;
+use super::recording::RecordConfig;
 use super::settings::{RunConfig, Variant};
 use crate::device::Device;
 use crate::difference::between;
+use crate::measured::Measured;
 use crate::prelude::*;
 use crate::progress;
 use crate::schedule::Schedule;
@@ -27,6 +30,8 @@ pub(super) struct Plan {
     pub learner: LearnerConfig,
     pub trainer: TrainerConfig,
     pub recording: GenerateConfig,
+    /// The log that it learns from, if that is its data.
+    pub measured: Option<Measured>,
     /// What it starts from, if not from random weights.
     pub parent: Option<Model>,
     /// Which policies act in its data; none is known of data from a folder.
@@ -38,8 +43,13 @@ pub(super) struct Plan {
 impl Plan {
     pub fn new(config: &RunConfig) -> Result<Self> {
         config.check()?;
-        let system = System::named(&config.robot)?;
+        let measured = config.log().map(|log| Measured::read(&log, &config.held_out)).transpose()?;
+        let system = config.system()?;
         progress::notes(&system);
+        let config = &match &measured {
+            Some(measured) => config.of(measured),
+            None => config.clone(),
+        };
         let form = Form { base: config.base, view: config.view };
         let network = config.network(&system, form)?;
         let (learner, trainer) = (config.learner(), config.trainer());
@@ -66,7 +76,12 @@ impl Plan {
         let actors = config.data.is_none().then(|| config.record.actors()).transpose()?;
         let arithmetic = arithmetic(config)?;
         let config = config.clone();
-        Ok(Self { config, system, form, network, learner, trainer, recording, parent, actors, arithmetic })
+        Ok(Self { config, system, form, network, learner, trainer, recording, measured, parent, actors, arithmetic })
+    }
+
+    /// What it learns, as cards have it.
+    pub fn truth(&self) -> String {
+        self.measured.as_ref().map_or_else(|| self.config.record.truth(&self.system).name(), |m| m.truth.clone())
     }
 
     /// The chain that its network moves along.
@@ -87,13 +102,38 @@ fn arithmetic(config: &RunConfig) -> Result<String> {
 }
 
 impl RunConfig {
+    /// The log that is its data, if one is.
+    pub fn log(&self) -> Option<PathBuf> {
+        self.data.as_deref().and_then(Measured::path)
+    }
+
+    /// Its robot.
+    pub fn system(&self) -> Result<Arc<System>> {
+        Ok(match self.log() {
+            Some(log) => specified(&log)?.1,
+            None => System::named(&self.robot)?,
+        })
+    }
+
+    /// The same for a log, which nothing is recorded beside.
+    fn of(&self, measured: &Measured) -> Self {
+        let usual = RecordConfig::default();
+        let record = RecordConfig { frames: self.record.frames, seed: self.record.seed, ..usual };
+        Self { robot: measured.log.system.name.clone(), transitions: measured.size()[1].max(1), record, ..self.clone() }
+    }
+
     /// Refuses settings that mean nothing together.
     pub fn check(&self) -> Result<()> {
         let (chain, recorded) = (self.variant == Variant::Chain, self.data.is_none());
+        let log = self.log().is_some();
         let rolled = !chain && self.unrolled().is_some();
         let (residual, usual) = (self.variant.usual() && self.history == 1 && !self.stream, Self::default());
         let wrong = [
-            (self.robot.is_empty(), "--robot is needed: see `cargo xtask train --help`"),
+            (self.robot.is_empty() && !log, "--robot is needed: see `cargo xtask train --help`"),
+            (!self.robot.is_empty() && log, "--robot: the log of --data names it; leave it out"),
+            (self.record.truth.is_some() && log, "--truth: recorded motion is the truth; leave it out"),
+            (chain && log, "--variant chain means nothing with recorded motion of --data"),
+            (!self.held_out.is_empty() && !log, "--held-out means nothing without a log as --data"),
             (self.out.as_os_str().is_empty(), "--out is needed: see `cargo xtask train --help`"),
             (!recorded && self.fresh > 0, "--fresh records by itself: leave out --data"),
             (!recorded && !self.record.policy.is_empty(), "--policy records by itself: leave out --data"),

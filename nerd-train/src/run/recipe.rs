@@ -19,6 +19,7 @@ use serde_json::Value;
 
 use super::settings::RunConfig;
 use super::train::Run;
+use crate::measured::Measured;
 use crate::prelude::*;
 use crate::settings::{Given, Settings};
 
@@ -29,6 +30,9 @@ macro_rules! shipped {
 /// Shipped recipes by name.
 const SHIPPED: &[(&str, &str)] = shipped!("paper" "small" "quick" "urdf" "cartpole" "pendulum" "cube" "franka" "ant"
     "anymal" "chain" "chain-large" "cartpole-paper" "pendulum-paper" "ant-paper");
+
+/// Keys of how data is recorded.
+const RECORDS: [&str; 7] = ["transitions", "fresh", "torque-scale", "hold", "resets", "policy", "policy-share"];
 
 /// Runs to be made one after the other.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,7 +49,7 @@ impl Recipe {
 
     /// One run: the paper's settings, but for what is given.
     pub fn plain(given: &Given) -> Result<Self> {
-        Ok(Self { runs: vec![RunConfig::default().with(given).map_err(Error::Refused)?] })
+        Ok(Self { runs: vec![under(RunConfig::default(), given)?] })
     }
 
     /// A shipped one, but for what is given.
@@ -144,8 +148,9 @@ impl RunConfig {
 
     /// The folder of its model, if that is there and whole.
     pub fn made(&self) -> Result<Option<PathBuf>> {
-        let (done, system) = (self.out.join("model"), System::named(&self.robot)?);
-        match Model::load(&done, &system, Some(&self.record.truth(&system).name())) {
+        let (done, system) = (self.out.join("model"), self.system()?);
+        let truth = self.log().map_or_else(|| self.record.truth(&system).name(), |log| Measured::name(&log));
+        match Model::load(&done, &system, Some(&truth)) {
             Ok(_) => return Ok(Some(done)),
             Err(e) if done.exists() => tell!("{e}; it is made again"),
             Err(_) => {}
@@ -159,6 +164,10 @@ fn under(own: RunConfig, given: &Given) -> Result<RunConfig> {
     let mut run = own.with(given).map_err(Error::Refused)?;
     if given.contains_key("from") && !given.contains_key("epsilon") {
         run.epsilon = None;
+    }
+    // What a recipe says of data is for data that is recorded.
+    if let Some(key) = RECORDS.iter().find(|key| given.contains_key(**key) && run.log().is_some()) {
+        refuse!("--{key}: nothing is recorded where --data names a log; leave it out");
     }
     Ok(run)
 }

@@ -38,8 +38,11 @@ settings! {
         /// layers and windows of 10, and at least 32]; with --history 1 or --variant chain frames of a rollout in training, through
         /// which gradients go back [default: 1]
         sequence: Option<usize> = None, Whole(1..=8192);
-        /// Folder of shards made by `dataset`; recorded in memory if absent
+        /// Folder of shards made by `dataset`, or recorded motion of anything: the TOML of a log, or its folder (`log.toml`), which
+        /// names the robot; recorded in memory if absent
         data: Option<PathBuf> = None, Text;
+        /// Trajectories of a log that nothing learns from, comma-separated [default: every fifth, or the last fifth of each]
+        held_out: Vec<u64> = Vec::new(), Wholes(0..=u64::MAX);
         /// Transitions to record before
         transitions: usize = 10_000_000, Whole(TRANSITIONS);
         /// Transitions recorded during the run, which replace the oldest, against overfitting

@@ -55,6 +55,12 @@ impl Motions {
         Ok(Self::joined(recorded(system, config, (0, 1), progress, shard)?))
     }
 
+    /// Those of a recording in one scene.
+    pub(crate) fn of(recording: Recording, scene: &Arc<Scene>) -> Self {
+        let scenes = vec![scene.clone(); recording.trajectories];
+        Self::joined(vec![(recording, scenes)])
+    }
+
     fn joined(shards: Vec<(Recording, Vec<Arc<Scene>>)>) -> Self {
         let mut all = Self::default();
         for (recording, scenes) in shards {

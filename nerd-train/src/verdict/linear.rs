@@ -38,16 +38,20 @@ impl Stream for Linear {
     fn clear(&mut self, _env: usize) {}
 }
 
-/// Linear maps from a model's normalised tokens to its normalised targets, of least squares over transitions that its truth is recorded in:
-/// half passive, half from where evaluations start. One for each ridge; none where the equations have no solution.
-pub(super) fn maps(model: &Model, system: &Arc<System>, truth: Truth, seed: u64) -> Result<Vec<Linear>> {
+/// Transitions that a model's truth is recorded in: half passive, half from where evaluations start.
+pub(super) fn windows(model: &Model, system: &Arc<System>, truth: Truth, seed: u64) -> Result<Windows> {
     let (torque_scale, shard_trajectories) = (Range { low: -1.0, high: 1.0 }, 16);
     // Of a robot with very many contact points fewer, as memory has it.
     let transitions = TRANSITIONS.min((1 << 23) / model.config.network.inputs);
     let mut config = GenerateConfig { transitions, frames: FRAMES, seed, shard_trajectories, ..Default::default() };
     (config.torque_scale, config.resets) = (torque_scale, 0.5);
     let solver = || truth.solver(system);
-    let mut windows = generate(&Ranks::default(), system, &solver, &config, (1, model.config.form()), &|_| ())?.windows;
+    Ok(generate(&Ranks::default(), system, &solver, &config, (1, model.config.form()), &|_| ())?.windows)
+}
+
+/// Linear maps from a model's normalised tokens to its normalised targets, of least squares over these transitions. One for each ridge; none
+/// where the equations have no solution.
+pub(super) fn maps(model: &Model, mut windows: Windows) -> Vec<Linear> {
     normalize(&mut windows, &model.normalizer);
     let Windows { inputs, outputs, x, y, .. } = &windows;
     // A token and 1 in a column.
@@ -59,7 +63,7 @@ pub(super) fn maps(model: &Model, system: &Arc<System>, truth: Truth, seed: u64)
         let weights = (&square + DMatrix::identity(inputs + 1, inputs + 1) * (ridge * rows)).cholesky()?.solve(&cross);
         Some(Linear { outputs: *outputs, weights: weights.transpose().iter().map(|w| *w as f32).collect() })
     };
-    Ok(RIDGES.into_iter().filter_map(solve).collect())
+    RIDGES.into_iter().filter_map(solve).collect()
 }
 
 /// A model with a linear map in place of its network.

@@ -4,16 +4,19 @@
 //! All roll out from equal starts under equal torques, on one core of the CPU, and each one's time and error are of the same steps.
 
 mod linear;
+mod recorded;
 mod words;
 
 use nerd_model::pick::{Setting, learned};
-use nerd_sim::instruments::{Hold, Recorder};
+use nerd_sim::instruments::{Hold, Recorder, Replay};
 
 use crate::cost::{on_one_core, powers, timed};
-use crate::evaluate::{PassiveConfig, passive, summary, summary_names};
+use crate::evaluate::{Action, PassiveConfig, passive, summary, summary_names};
 use crate::prelude::*;
 use crate::progress::bar;
 use crate::stats::mean;
+
+pub use recorded::recorded;
 
 /// How many times a model's error that of its base alone, and of a linear map, has to be for the network to have earned its place.
 pub const WORTH: f64 = 5.0;
@@ -39,10 +42,13 @@ pub struct Verdict {
     pub model: Row,
     /// What its predictions are added to, without them.
     pub base: Row,
+    /// Where the motion was recorded and the base is another: what repeats the start.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hold: Option<Row>,
     /// A linear map from its normalised token to its normalised target, of least squares over other motions of the truth.
     pub linear: Row,
     /// `articulated` at one substep and at more, as many as were asked for until one errs no more than the model in the mean of the
-    /// quantities.
+    /// quantities. Where the motion was recorded, as the robot is described and calibrated.
     pub articulated: Vec<Row>,
 }
 
@@ -76,7 +82,7 @@ pub fn verdict(system: &Arc<System>, scene: &Arc<Scene>, model: &Model, protocol
         return Ok(None);
     }
     let truth = Truth::named(&model.config.truth).map_err(Error::Refused)?;
-    let maps = linear::maps(model, system, truth, protocol.seed.wrapping_add(ELSEWHERE))?;
+    let maps = linear::maps(model, linear::windows(model, system, truth, protocol.seed.wrapping_add(ELSEWHERE))?);
     let own = Setting::from(truth).articulated(system);
     let config = own.unwrap_or_else(|| ArticulatedConfig::accurate(system));
     let most = own.map_or(MOST, |own| own.substeps.max(own.contact_substeps));
@@ -87,20 +93,12 @@ pub fn verdict(system: &Arc<System>, scene: &Arc<Scene>, model: &Model, protocol
         passive(system, scene, &mut recorder, &mut Hold, protocol, &mut |_| ())?;
         let row = |of: &str, solver: Box<dyn Solver>| -> Result<Row> {
             bar.add(1);
-            let (report, microseconds) = timed((system, scene), solver, &recorder.frames, protocol)?;
+            let compare =
+                |solver: &mut dyn Solver| passive(system, scene, &mut Replay::new(&recorder.frames), solver, protocol, &mut |_| ());
+            let (report, microseconds) = timed(solver, protocol.starts * protocol.steps, compare)?;
             Ok(Row { of: of.into(), errors: summary(system, &report.error), microseconds, diverged: report.diverged })
         };
-        let name = match model.config.base {
-            Base::State => "base alone (hold last)",
-            Base::Trapezoid => "base alone (constant velocity)",
-        };
-        let base = row(name, linear::base(model, system))?;
-        let own = row("model", learned(model.clone(), system)?)?;
-        let maps = maps.into_iter().map(|map| row("linear map", linear::with(model, map)));
-        let maps = maps.collect::<Result<Vec<_>>>()?;
-        let Some(linear) = maps.into_iter().min_by(|a, b| a.mean().total_cmp(&b.mean())) else {
-            refuse!("no linear map fits the motions of `{}`: one of the model's inputs is not a number", system.name);
-        };
+        let [base, own, linear] = common(model, system, maps, &row)?;
         let mut articulated: Vec<Row> = Vec::new();
         for n in counts {
             if articulated.last().is_none_or(|last| last.mean() > own.mean()) {
@@ -114,16 +112,42 @@ pub fn verdict(system: &Arc<System>, scene: &Arc<Scene>, model: &Model, protocol
         }
         let (robot, quantities) = (system.name.clone(), summary_names(system));
         let (scene, truth) = (scene.name.clone(), truth.name());
-        Ok::<_, Error>(Verdict { robot, scene, truth, protocol, quantities, model: own, base, linear, articulated })
+        Ok::<_, Error>(Verdict { robot, scene, truth, protocol, quantities, model: own, base, hold: None, linear, articulated })
     })?;
     bar.finish();
     Ok(Some(found))
 }
 
+/// The base alone, the model and the best of some linear maps.
+fn common(
+    model: &Model,
+    system: &Arc<System>,
+    maps: Vec<linear::Linear>,
+    row: &dyn Fn(&str, Box<dyn Solver>) -> Result<Row>,
+) -> Result<[Row; 3]> {
+    let name = match model.config.base {
+        Base::State => "base alone (hold last)",
+        Base::Trapezoid => "base alone (constant velocity)",
+    };
+    let base = row(name, linear::base(model, system))?;
+    let own = row("model", learned(model.clone(), system)?)?;
+    let maps = maps.into_iter().map(|map| row("linear map", linear::with(model, map)));
+    let maps = maps.collect::<Result<Vec<_>>>()?;
+    let Some(linear) = maps.into_iter().min_by(|a, b| a.mean().total_cmp(&b.mean())) else {
+        refuse!("no linear map fits the motions of `{}`: one of the model's inputs is not a number", system.name);
+    };
+    Ok([base, own, linear])
+}
+
 impl Verdict {
     /// The analytic solver at the fewest substeps that err no more than the model in the mean of the quantities; none if no number does.
     pub fn equal(&self) -> Option<&Row> {
-        self.articulated.last().filter(|row| row.mean() <= self.model.mean())
+        self.articulated.iter().find(|row| row.mean() <= self.model.mean())
+    }
+
+    /// Whether it is on recorded motion.
+    pub fn recorded(&self) -> bool {
+        matches!(self.protocol.action, Action::Recorded(_))
     }
 
     /// A solver's errors as multiples of the model's, by quantity; of two that are 0 it is 1.
@@ -132,8 +156,12 @@ impl Verdict {
         row.errors.iter().zip(&self.model.errors).map(ratio).collect()
     }
 
-    /// Where base alone or linear map do not err [`WORTH`] times as much as the model, in words; none if they do in every quantity.
+    /// Where base alone or linear map do not err [`WORTH`] times as much as the model, in words; none if they do in every quantity. Of
+    /// recorded motion nothing better than the calibrated solver may be known: there it is enough to be better than that.
     pub fn shortfall(&self) -> Option<String> {
+        if self.recorded() {
+            return None;
+        }
         for row in [&self.base, &self.linear] {
             for (quantity, times) in self.quantities.iter().zip(self.times(row)) {
                 if times.is_nan() || times < WORTH {

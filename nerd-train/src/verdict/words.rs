@@ -12,7 +12,7 @@ impl Verdict {
     /// A line of a table for each solver. Of the analytic ones the first and the last are shown.
     pub fn cells(&self) -> Vec<Vec<String>> {
         let (first, last) = (self.articulated.first(), self.articulated.last().filter(|_| self.articulated.len() > 1));
-        let rows = [Some(&self.model), Some(&self.base), Some(&self.linear), first, last].into_iter().flatten();
+        let rows = [Some(&self.model), Some(&self.base), self.hold.as_ref(), Some(&self.linear), first, last].into_iter().flatten();
         let cells = |row: &Row| {
             let times: Vec<String> = self.times(row).into_iter().map(short).collect();
             let lost = if row.diverged > 0 { format!(", {} diverged", row.diverged) } else { String::new() };
@@ -35,6 +35,7 @@ impl Verdict {
             Some(row) => {
                 format!("use the network: {} errs no more but takes {} us where the model takes {own}", row.of, digits(row.microseconds))
             }
+            None if self.recorded() => format!("use the network: it takes {own} us and errs less than all beside it"),
             None => format!("use the network: it takes {own} us, and no number of substeps of `articulated` errs as little"),
         };
         format!("{advice}; {} errs {} times as much, a {} {}", base.of, self.span(base), linear.of, self.span(linear))
@@ -72,7 +73,8 @@ impl fmt::Display for Verdict {
         let Self { robot, scene, truth, protocol, quantities, .. } = self;
         let table = markdown(&Self::HEADER, &self.cells());
         let (starts, steps, seed) = (protocol.starts, protocol.steps, protocol.seed);
-        writeln!(f, "{robot} in {scene}, against {truth}, {starts} starts of seed {seed}, {steps} frames{}:", protocol.action)?;
+        let seed = if self.recorded() { String::new() } else { format!(" of seed {seed}") };
+        writeln!(f, "{robot} in {scene}, against {truth}, {starts} starts{seed}, {steps} frames{}:", protocol.action)?;
         write!(f, "{}\n\n{table}\n{}", quantities.join(" / "), self.line())
     }
 }

@@ -3,6 +3,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod evaluate;
+mod recorded;
 mod settings;
 mod trainer;
 mod verdict;

@@ -5,8 +5,8 @@ mod tables;
 
 use crate::prelude::*;
 use crate::roll::refusal;
-use nerd_sim::calibrate::{Engine, Fit, FitConfig, Parameter, Subject, Trial, mean, thinned};
-use nerd_sim::log::{Log, Published, specified};
+use nerd_sim::calibrate::{Distance, Engine, Fit, FitConfig, Parameter, Subject, Trial, mean, thinned};
+use nerd_sim::log::{Log, Published, specified, tables};
 use split::{Parts, Scored, Split};
 
 /// Places of a profile, and rollouts behind each.
@@ -30,6 +30,11 @@ settings! {
         substeps: usize = 4, Whole(1..=1024);
         /// Parameters, comma-separated [default: all that free motion may determine]
         parameters: Vec<String> = Vec::new(), Texts;
+        /// Parameters that each trajectory has of its own, comma-separated, such as zeros of sensors that were set by hand: fitted together
+        /// with the others (to which one that is named there, too, belongs then), and of a judged trajectory to what is --before
+        own: Vec<String> = Vec::new(), Texts;
+        /// Frames of each trajectory before its first judged rollout
+        before: usize = 0, Whole(0..=*FRAMES.end());
         /// Random splits by trajectory: fitted to one part, judged on another
         splits: usize = 5, Whole(1..=100);
         /// Share of the trajectories that are fitted to (%); half of the rest is judged on (the paper: 400 and 85 of 570)
@@ -87,7 +92,11 @@ impl Calibration {
     fn subject(&self, log: &Log, solver: &str) -> Result<(Subject, Vec<Parameter>)> {
         let subject = Subject::new(&log.system, &log.scene, self.engine(solver)?)?;
         let parameters: Vec<Parameter> = match &self.parameters[..] {
-            [] => Parameter::usual(&log.system, &log.scene, solver == "rapier")?,
+            [] => {
+                let driven = if log.driven() { Parameter::driven(&log.system)? } else { Vec::new() };
+                let all = Parameter::usual(&log.system, &log.scene, solver == "rapier")?.into_iter().chain(driven);
+                all.filter(|p| !self.own.contains(&p.name)).collect()
+            }
             names => names.iter().map(|name| Parameter::named(&log.system, name)).collect::<std::result::Result<_, _>>()?,
         };
         // Missing capabilities are reported before any search.
@@ -109,15 +118,22 @@ impl Calibration {
             };
             let (evaluations, trials, seed) = (self.evaluations, self.trials, self.seed + k);
             let (config, begun) = (FitConfig { evaluations, trials, seed, slopes: by == "slopes" }, Instant::now());
-            let fit = subject.fit(&parameters, &part.train, config, progress)?;
+            let fit = if self.own.is_empty() {
+                subject.fit(&parameters, &part.train, config, progress)?
+            } else {
+                let own = self.own.iter().filter(|name| !self.parameters.contains(name)).map(|name| Parameter::named(&log.system, name));
+                subject.fit_own([&parameters, &own.collect::<std::result::Result<Vec<_>, _>>()?], &part.train, config, progress)?.shared
+            };
             let (seconds, fitted) = (begun.elapsed().as_secs_f64(), subject.with(&parameters, &fit.values)?);
-            Ok((part.split(&subject, &fitted, (&fit, seconds), seed)?, fit))
+            let judge = |trials: &[Trial]| self.judge(log, &fitted, trials);
+            Ok((part.split(&subject, &judge, (&fit, seconds), seed)?, fit))
         };
         // One after the other, so that the clock is each one's own; trials are rolled out on all cores.
         let found = parts.iter().enumerate().map(|(k, part)| one((k as u64, part))).collect::<Result<Vec<_>>>()?;
         let some: Vec<Trial> = thinned(&parts[0].train, BEHIND);
         let own = Fit { before: mean(&subject.distances(&some)?), ..found[0].1.clone() };
-        let profiles = subject.profiles(&parameters, &own, &some, PLACES)?;
+        // Along what is shared alone there is no valley where trajectories differ.
+        let profiles = if self.own.is_empty() { subject.profiles(&parameters, &own, &some, PLACES)? } else { Vec::new() };
         let found_by_slopes = own.slopes;
         let splits: Vec<Split> = found.into_iter().map(|(split, _)| split).collect();
         bar.finish();
@@ -130,7 +146,28 @@ impl Calibration {
         Ok(Calibrated { solver, by, parameters, splits, profiles })
     }
 
+    /// Distances of trials from a calibrated subject, each with its trajectory's own parameters fitted to what is before all of them.
+    fn judge(&self, log: &Log, fitted: &Subject, trials: &[Trial]) -> Result<Vec<Distance>> {
+        if self.own.is_empty() {
+            return Ok(fitted.distances(trials)?);
+        }
+        let own = self.own.iter().map(|name| Parameter::named(&fitted.system, name)).collect::<std::result::Result<Vec<_>, _>>()?;
+        let known = log.trials(self.frames.min(self.before + 1), self.every);
+        let mut found = Vec::new();
+        for trials in trials.chunk_by(|a, b| a.id == b.id) {
+            let seen: Vec<Trial> =
+                known.iter().filter(|t| t.id == trials[0].id && t.first + t.measured.len() <= self.before + 1).cloned().collect();
+            let config = FitConfig { evaluations: self.evaluations, trials: self.trials, seed: self.seed, slopes: true };
+            let fit = fitted.fit(&own, &seen, config, &mut |_, _| ())?;
+            found.extend(fitted.with(&own, &fit.values)?.distances(trials)?);
+        }
+        Ok(found)
+    }
+
     pub fn all(&self) -> Result<CalibratedAll> {
+        if self.own.is_empty() != (self.before == 0) {
+            bail!("--own and --before belong together: what a trajectory has of its own is fitted to the frames before its rollouts");
+        }
         let log = Log::read(&self.log, self.data.as_deref())?;
         log.notes.iter().for_each(|note| tell!("{note}"));
         bounds::once("--parameters", &self.parameters)?;
@@ -143,7 +180,8 @@ impl Calibration {
         let ready = able(&self.solvers, |solver| self.subject(&log, solver).map(|_| solver))?;
         let trials = log.trials(self.frames, self.every);
         let seeds = self.seed..self.seed + self.splits as u64;
-        let parts: Vec<Parts> = seeds.clone().map(|seed| Parts::new(&log, &trials, self.train, seed)).collect::<Result<_>>()?;
+        let parts: Vec<Parts> =
+            seeds.clone().map(|seed| Parts::new(&log, &trials, (self.train, self.before), seed)).collect::<Result<_>>()?;
         let still = parts.iter().zip(seeds).map(|(part, seed)| part.still(&log, seed)).collect();
         let fitted = able(&ready, |solver| {
             let (mut all, search): (Vec<Calibrated>, _) = (Vec::new(), vec!["search".to_string()]);
@@ -185,7 +223,7 @@ impl Experiment for Calibration {
         let name = if self.name.is_empty() { format!("calibrate-{}", stem.unwrap_or_default()) } else { self.name.clone() };
         let (spec, system) = specified(&self.log)?;
         let table = self.data.clone().unwrap_or_else(|| self.log.with_file_name(spec.file));
-        let mut inputs = Inputs(vec![Input::files(&name, &[self.log.clone(), table])?]);
+        let mut inputs = Inputs(vec![Input::files(&name, &[vec![self.log.clone()], tables(&table)?].concat())?]);
         inputs.add(Input::Data { name: system.name.clone(), sha256: system.sha256() });
         // Of every robot: what is hashed is how the solver steps.
         for solver in &self.solvers {

@@ -52,8 +52,8 @@ const JUDGED: f64 = 0.5;
 const SETS: usize = 1000;
 
 impl Parts {
-    /// A random split: `train` % of the trajectories, and half of the rest. Neither part may be empty.
-    pub fn new(log: &Log, trials: &[Trial], train: usize, seed: u64) -> Result<Self> {
+    /// A random split: `train` % of the trajectories, and half of the rest, from frame `before` on. Neither part may be empty.
+    pub fn new(log: &Log, trials: &[Trial], (train, before): (usize, usize), seed: u64) -> Result<Self> {
         let mut ids: Vec<u64> = log.trajectories.iter().map(|t| t.id).collect();
         ids.dedup();
         ids.shuffle(&mut stream(seed, 0));
@@ -62,8 +62,9 @@ impl Parts {
         let of = |ids: &[u64], trials: &[Trial]| trials.iter().filter(|t| ids.contains(&t.id)).cloned().collect::<Vec<_>>();
         let mut judged = ids[first..last].to_vec();
         judged.sort_unstable();
-        let parts =
-            Self { train: of(&ids[..first], trials), judged: of(&judged, trials), whole: of(&judged, &log.trials(0, 1)), ids: judged };
+        let mut judged_on = of(&judged, trials);
+        judged_on.retain(|t| t.first >= before);
+        let parts = Self { train: of(&ids[..first], trials), judged: judged_on, whole: of(&judged, &log.trials(0, 1)), ids: judged };
         if parts.train.is_empty() || parts.judged.is_empty() {
             let longest = log.trajectories.iter().map(|t| t.states.len()).max().unwrap_or_default();
             bail!(
@@ -76,15 +77,21 @@ impl Parts {
         Ok(parts)
     }
 
-    pub fn split(&self, before: &Subject, after: &Subject, (fit, seconds): (&Fit, f64), seed: u64) -> Result<Split> {
-        let of = |subject: &Subject, trials: &[Trial]| -> Result<Scored> { Ok(Scored::new(trials, &subject.distances(trials)?, seed)) };
+    pub fn split(
+        &self,
+        before: &Subject,
+        after: &dyn Fn(&[Trial]) -> Result<Vec<Distance>>,
+        (fit, seconds): (&Fit, f64),
+        seed: u64,
+    ) -> Result<Split> {
+        let scored = |trials: &[Trial], distances: Vec<Distance>| Scored::new(trials, &distances, seed);
         Ok(Split {
             judged: self.ids.clone(),
             fit: FitOf { values: fit.values.clone(), objective: fit.objective, evaluations: fit.evaluations, seconds },
-            before: of(before, &self.judged)?,
-            after: of(after, &self.judged)?,
-            whole_before: of(before, &self.whole)?,
-            whole_after: of(after, &self.whole)?,
+            before: scored(&self.judged, before.distances(&self.judged)?),
+            after: scored(&self.judged, after(&self.judged)?),
+            whole_before: scored(&self.whole, before.distances(&self.whole)?),
+            whole_after: scored(&self.whole, after(&self.whole)?),
         })
     }
 

@@ -27,7 +27,9 @@ pub(super) fn all(plan: &Plan, most: usize) -> Result<(ChartData, Frames)> {
         bar.set(k as u64 + 1);
         bar.say(&method.setting.to_string());
         let theirs = method.own.map(|own| recorded(plan, own.solver(system), &truth)).transpose()?;
-        let point = timed((system, scene), solver, theirs.as_ref().unwrap_or(&truth), *protocol).map_err(Error::from);
+        let theirs = theirs.as_ref().unwrap_or(&truth);
+        let compare = |solver: &mut dyn Solver| passive(system, scene, &mut Replay::new(theirs), solver, *protocol, &mut |_| ());
+        let point = timed(solver, protocol.starts * protocol.steps, compare).map_err(Error::from);
         let point = point.and_then(|(report, microseconds)| {
             let Method { series, setting, own } = method;
             let point = Point::new(series.clone(), Some(setting.clone()), setting.substeps(), microseconds, report, own.is_some());

@@ -5,6 +5,7 @@
 //! network takes some half a millisecond an environment-frame on two cores if it recomputes windows, a tenth of that if it
 //! streams.
 
+mod recorded;
 mod rows;
 mod worth;
 
@@ -15,6 +16,7 @@ use crate::choice::Choice;
 use crate::paper;
 use crate::prelude::*;
 
+pub use recorded::Recorded;
 pub use rows::{Row, Rows};
 pub use worth::unworthy;
 
@@ -39,6 +41,31 @@ settings! {
         /// Starts from which a model is judged beside its base alone, a linear map and the analytic solver, on one core of the CPU; 0: it
         /// is not judged
         verdict: usize = 32, Whole(0..=*STARTS.end());
+        /// Recorded motion to compare a model with, in place of a solver: the TOML of a log, or its folder (`log.toml`). Of the log that it
+        /// learned, the part that was held out
+        data: Option<PathBuf> = None, Text;
+        /// With --data: frames that a model sees before each start [default: as many as its predictions depend on]
+        before: Option<usize> = None, Whole(0..=*FRAMES.end());
+        /// With --data: frames between starts [default: those of a rollout]
+        every: Option<usize> = None, Whole(FRAMES);
+        /// With --data: evaluations in which the analytic solver is calibrated; 0: it is judged as the robot is described, and no more
+        evaluations: usize = 300, Whole(0..=1_000_000);
+    }
+}
+
+impl Protocol {
+    /// Refuses what needs a log where there is none.
+    fn check(&self) -> Result<()> {
+        let usual = Self::default();
+        let idle = [
+            ("--before", self.before.is_some()),
+            ("--every", self.every.is_some()),
+            ("--evaluations", self.evaluations != usual.evaluations),
+        ];
+        match idle.iter().find(|(_, given)| *given) {
+            Some((option, _)) => bail!("{option} means nothing without --data"),
+            None => Ok(()),
+        }
     }
 }
 
@@ -97,6 +124,7 @@ impl Passive {
     pub fn new(name: &str, cases: &[Case]) -> Result<Self> {
         let mut asked = Vec::new();
         for case in cases {
+            case.asked.check()?;
             let (system, Protocol { starts, frames, seed, drive, .. }) = (System::named(&case.robot)?, case.asked.clone());
             let mut scenes: Vec<&str> = case.asked.scene.iter().map(String::as_str).collect();
             if scenes.is_empty() {

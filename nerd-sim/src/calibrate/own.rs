@@ -1,0 +1,88 @@
+//! Parameters that each trajectory has of its own, such as zeros that somebody sets by hand, beside those that all share: one descent over
+//! all of them, in which a trajectory's own have slopes by its trials alone.
+
+use std::cell::Cell;
+use std::collections::BTreeMap;
+
+use nalgebra::{DMatrix, DVector};
+
+use super::bent::Bent;
+use super::descent::descend;
+use super::fit::{Fit, FitConfig, INSIDE, PASS, STAGES, objective, thinned};
+use super::parameter::{CalibrateError, Parameter};
+use super::subject::Subject;
+use super::trial::{Trial, mean};
+
+/// What was found of both kinds.
+pub struct OwnFit {
+    /// Of the shared parameters.
+    pub shared: Fit,
+    /// Of each trajectory's own, by its name.
+    pub own: BTreeMap<u64, Vec<f64>>,
+}
+
+impl Subject {
+    /// Fits what all trajectories share, and what each has of its own, to trials of several; `progress` receives evaluations done and the
+    /// best objective so far.
+    ///
+    /// # Errors
+    /// As [`Subject::fit`]; of a solver without slopes, too.
+    pub fn fit_own(
+        &self,
+        [shared, own]: [&[Parameter]; 2],
+        trials: &[Trial],
+        config: FitConfig,
+        progress: &mut dyn FnMut(usize, f64),
+    ) -> Result<OwnFit, CalibrateError> {
+        let trials = thinned(trials, config.trials);
+        let mut ids: Vec<u64> = trials.iter().map(|t| t.id).collect();
+        ids.dedup();
+        let (s, o) = (shared.len(), own.len());
+        let pair = [shared, own].concat();
+        let all: Vec<Parameter> = shared.iter().chain(ids.iter().flat_map(|_| own)).cloned().collect();
+        // Those of the k-th trajectory among all, and their values.
+        let places = |k: usize| (0..s).chain(s + k * o..s + (k + 1) * o).collect::<Vec<usize>>();
+        let part = |values: &[f64], k: usize| places(k).into_iter().map(|i| values[i]).collect::<Vec<f64>>();
+        let mut values: Vec<f64> = all.iter().map(|p| p.at(p.place(p.nominal).clamp(INSIDE, 1.0 - INSIDE))).collect();
+        let spent = Cell::new(0.0);
+        for [frames, share] in STAGES {
+            let seen = thinned(&trials, (share * trials.len() as f64).ceil() as usize);
+            let of = |id: &u64| seen.iter().filter(|t| t.id == *id).map(|t| t.begun(frames)).collect::<Vec<_>>();
+            let groups: Vec<Vec<Trial>> = ids.iter().map(of).collect();
+            let unit = mean(&self.distances(&groups.concat())?);
+            let worth = |values: &[f64]| {
+                spent.set(spent.get() + frames * share);
+                let apart = groups.iter().enumerate().filter(|(_, trials)| !trials.is_empty());
+                let apart = apart.map(|(k, trials)| self.with(&pair, &part(values, k))?.distances(trials));
+                let worth = objective(&mean(&apart.collect::<Result<Vec<_>, _>>()?.concat()), &unit);
+                Ok(if worth.is_finite() { worth } else { f64::MAX })
+            };
+            let pass = PASS * frames * share;
+            let bent = |values: &[f64]| {
+                spent.set(spent.get() + pass);
+                let mut sum = Bent { slope: DVector::zeros(all.len()), curvature: DMatrix::zeros(all.len(), all.len()) };
+                for (k, trials) in groups.iter().enumerate() {
+                    let Some(found) = self.bent(&pair, &part(values, k), trials, &unit)? else { return Ok(None) };
+                    for (a, &i) in places(k).iter().enumerate() {
+                        sum.slope[i] += found.slope[a];
+                        places(k).iter().enumerate().for_each(|(b, &j)| sum.curvature[(i, j)] += found.curvature[(a, b)]);
+                    }
+                }
+                Ok(Some(sum))
+            };
+            let may = || spent.get() + pass < config.evaluations as f64;
+            let Some(best) = descend(&all, &mut values, may, worth, bent)? else {
+                let text = "parameters that each trajectory has of its own need slopes, which this solver has not; take articulated";
+                return Err(CalibrateError::Parameter(text.into()));
+            };
+            progress(spent.get() as usize, best);
+        }
+        let of = |id: &u64| trials.iter().filter(|t| t.id == *id).cloned().collect::<Vec<_>>();
+        let after = ids.iter().enumerate().map(|(k, id)| self.with(&pair, &part(&values, k))?.distances(&of(id)));
+        let (before, after) = (mean(&self.distances(&trials)?), mean(&after.collect::<Result<Vec<_>, _>>()?.concat()));
+        let own = ids.iter().enumerate().map(|(k, id)| (*id, part(&values, k).split_off(s))).collect();
+        values.truncate(s);
+        let (objective, evaluations) = (objective(&after, &before), spent.get());
+        Ok(OwnFit { shared: Fit { values, objective, before, after, evaluations, slopes: true }, own })
+    }
+}

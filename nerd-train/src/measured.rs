@@ -1,0 +1,222 @@
+//! Recorded motion as a truth: a log ([`nerd_sim::log`]) in three parts. Models learn from the first, the second chooses their weights,
+//! and nothing but a verdict sees the third.
+
+use nerd_sim::calibrate::{CalibrateError, Engine, FitConfig, Parameter, Subject};
+use nerd_sim::dataset::Recording;
+use nerd_sim::log::{Log, LogError, Trajectory};
+use nerd_sim::truth::RECORDED;
+use sha2::{Digest, Sha256};
+
+use crate::error::part;
+use crate::evaluate::{Pieces, horizon};
+use crate::prelude::*;
+use crate::progress::bar;
+
+part!(LogError, CalibrateError);
+
+/// Every so many-th trajectory is held out; and of the others, every so many-th chooses weights.
+const HELD_OUT: usize = 5;
+const CHOOSES: usize = 6;
+/// Of the windows that there are, at most one in so many is lost to what is recorded in shorter pieces.
+const LOST: usize = 100;
+/// Rollouts that a calibration sees.
+const TRIALS: usize = 200;
+
+/// A log in three parts.
+pub struct Measured {
+    /// `recorded NAME`, as cards have it for a truth.
+    pub truth: String,
+    /// Robot, scene and notes; its trajectories are in the parts.
+    pub log: Log,
+    /// Of all trajectories, as they were read.
+    pub sha256: String,
+    /// What models learn from.
+    pub learned: Vec<Trajectory>,
+    /// What chooses their weights.
+    pub choosing: Vec<Trajectory>,
+    /// What they are judged by.
+    pub held_out: Vec<Trajectory>,
+}
+
+impl Measured {
+    /// The log of `--data`, if it names one: a TOML, or a folder with a `log.toml`.
+    pub fn path(data: &Path) -> Option<PathBuf> {
+        let inside = data.join("log.toml");
+        if inside.is_file() {
+            return Some(inside);
+        }
+        data.extension().is_some_and(|e| e == "toml").then(|| data.into())
+    }
+
+    /// What cards call the truth of a log: by its file's name up to the first point, or its folder's where that is `log`.
+    pub fn name(path: &Path) -> String {
+        let stem = |path: &Path| path.file_name().map(|name| name.to_string_lossy().split('.').next().unwrap_or_default().to_string());
+        let folder = || stem(std::path::absolute(path).ok()?.parent()?);
+        let name = stem(path).filter(|name| name != "log").or_else(folder);
+        format!("{RECORDED}{}", name.unwrap_or_default())
+    }
+
+    /// Reads a log. Held out are the trajectories of these names; of none every fifth, or where there are fewer the last fifth of each.
+    pub fn read(path: &Path, held_out: &[u64]) -> Result<Self> {
+        let log = Log::read(path, None)?;
+        if let Some(id) = held_out.iter().find(|id| log.trajectories.iter().all(|t| t.id != **id)) {
+            refuse!("--held-out {id}: {} has no such trajectory", path.display());
+        }
+        Ok(Self::parted(path, log, held_out))
+    }
+
+    /// The same for a model: held out is what its card says; of a log that it did not learn all.
+    pub fn of(path: &Path, model: &Model) -> Result<Self> {
+        let log = Log::read(path, None)?;
+        let said = model.config.provenance.get("held out").map_or("", String::as_str);
+        let mut ids: Vec<u64> = said.split(", ").filter_map(|id| id.parse().ok()).collect();
+        ids.retain(|id| log.trajectories.iter().any(|t| t.id == *id));
+        let mut found = Self::parted(path, log, &ids);
+        if found.sha256 != model.config.data_sha256 {
+            tell!("{}: the model learned other data (`{}`); all of this is judged on", path.display(), model.config.truth);
+            found.held_out.clone_from(&found.log.trajectories);
+        }
+        Ok(found)
+    }
+
+    fn parted(path: &Path, log: Log, held_out: &[u64]) -> Self {
+        log.notes.iter().for_each(|note| tell!("{}: {note}", path.display()));
+        let mut hash = Sha256::new();
+        for trajectory in &log.trajectories {
+            hash.update(trajectory.id.to_le_bytes());
+            hash.update((trajectory.states.len() as u64).to_le_bytes());
+            trajectory.states.iter().chain(&trajectory.torques).flatten().for_each(|x| hash.update(x.to_le_bytes()));
+        }
+        let sha256 = hash.finalize().iter().map(|b| format!("{b:02x}")).collect();
+        let all = log.trajectories.clone();
+        let (rest, held_out) = match held_out {
+            [] => parted(all, HELD_OUT),
+            ids => all.into_iter().partition(|t| !ids.contains(&t.id)),
+        };
+        let (learned, choosing) = parted(rest, CHOOSES);
+        Self { truth: Self::name(path), log, sha256, learned, choosing, held_out }
+    }
+
+    /// Which trajectories are held out, in words.
+    pub fn held_out(&self) -> String {
+        let mut ids: Vec<u64> = self.held_out.iter().map(|t| t.id).collect();
+        ids.dedup();
+        if self.learned.iter().any(|t| ids.contains(&t.id)) {
+            return format!("the last 1/{HELD_OUT} of each trajectory");
+        }
+        ids.iter().map(u64::to_string).collect::<Vec<_>>().join(", ")
+    }
+
+    /// Trajectories and frames that are learned from.
+    pub fn size(&self) -> [usize; 2] {
+        [self.learned.len(), self.learned.iter().map(frames).sum()]
+    }
+
+    /// A part in pieces of about `length` frames, such that every sequence of so many frames is in one of them.
+    pub fn recording(&self, part: &[Trajectory], length: usize, sequence: usize) -> Result<Recording> {
+        let mut lengths: Vec<usize> = part.iter().map(frames).filter(|n| *n >= sequence).collect();
+        lengths.sort_unstable();
+        let windows = |n: &usize| n + 1 - sequence;
+        let mut left = lengths.iter().map(windows).sum::<usize>() / LOST;
+        let mut pieces = length.max(sequence);
+        for n in lengths.iter().filter(|n| **n < length) {
+            if windows(n) > left {
+                pieces = pieces.min(*n);
+                break;
+            }
+            left -= windows(n);
+        }
+        Ok(self.log.recording(part, pieces, sequence - 1)?)
+    }
+
+    /// Where it was recorded.
+    pub fn scene(&self) -> Result<Arc<Scene>> {
+        Ok(self.log.system.scene(&self.log.scene)?)
+    }
+
+    /// Pieces of a part to roll out in: so many frames, seen `before` each, a start every so many frames, at most so many of them.
+    pub fn pieces(&self, part: &[Trajectory], [before, frames, every]: [usize; 3], most: usize) -> Result<Pieces> {
+        let length = before + frames;
+        let starts = part.iter().enumerate().flat_map(|(k, t)| {
+            let last = (t.states.len() - 1).checked_sub(length);
+            last.into_iter().flat_map(move |last| (0..=last).step_by(every.max(1)).map(move |first| (k, first)))
+        });
+        let starts: Vec<(usize, usize)> = starts.collect();
+        if starts.is_empty() {
+            let longest = part.iter().map(self::frames).max().unwrap_or(0);
+            refuse!("`{}`: no trajectory of its part has {length} frames, the longest {longest}; ask for fewer", self.truth);
+        }
+        let starts: Vec<_> = starts.iter().step_by(starts.len().div_ceil(most.max(1))).collect();
+        let rows = |of: &dyn Fn(&Trajectory, usize) -> Vec<f64>, count: usize| {
+            (0..count)
+                .map(|frame| starts.iter().flat_map(|(k, first)| of(&part[*k], first + frame)).collect::<Vec<f64>>())
+                .collect::<Vec<_>>()
+        };
+        Ok(Pieces {
+            system: self.log.system.clone(),
+            scene: self.scene()?,
+            before,
+            states: rows(&|t, k| t.states[k].clone(), length + 1),
+            torques: rows(&|t, k| t.torques[k].clone(), length),
+        })
+    }
+
+    /// The same for a network, which sees all that a prediction of its depends on; as long as an evaluation, where trajectories are.
+    pub fn rollouts(&self, part: &[Trajectory], network: &TransformerConfig, most: usize) -> Result<Pieces> {
+        let longest = part.iter().map(frames).max().unwrap_or(0);
+        let before = (network.reach() - 1).min(longest / 2);
+        let frames = horizon(&self.log.system.name).min(longest - before);
+        self.pieces(part, [before, frames, frames], most)
+    }
+
+    /// `articulated` as the robot's file has it.
+    pub fn described(&self) -> Result<Subject> {
+        let engine = Engine::Articulated(ArticulatedConfig::accurate(&self.log.system));
+        Ok(Subject::new(&self.log.system, &self.log.scene, engine)?)
+    }
+
+    /// The same with what free motion may determine fitted to what is learned from, over rollouts of so many frames.
+    pub fn calibrated(&self, frames: usize, evaluations: usize) -> Result<Subject> {
+        let (subject, log) = (self.described()?, Log { trajectories: self.learned.clone(), ..self.log.clone() });
+        let mut parameters = Parameter::usual(&log.system, &log.scene, false)?;
+        if log.driven() {
+            parameters.extend(Parameter::driven(&log.system)?);
+        }
+        let (bar, mut before) = (bar("calibration", evaluations as u64), 0);
+        let fit = subject.fit(
+            &parameters,
+            &log.trials(frames + 1, frames),
+            FitConfig { evaluations, trials: TRIALS, ..FitConfig::default() },
+            &mut |done, _| {
+                bar.add(done.saturating_sub(before) as u64);
+                before = done;
+            },
+        )?;
+        bar.finish();
+        Ok(subject.with(&parameters, &fit.values)?)
+    }
+}
+
+fn frames(trajectory: &Trajectory) -> usize {
+    trajectory.states.len() - 1
+}
+
+/// Every so many-th name apart; where there are fewer the end of each trajectory, a share of as much.
+fn parted(all: Vec<Trajectory>, every: usize) -> (Vec<Trajectory>, Vec<Trajectory>) {
+    let mut ids: Vec<u64> = all.iter().map(|t| t.id).collect();
+    ids.dedup();
+    if ids.len() >= every {
+        let apart = |id: u64| ids.iter().position(|i| *i == id).is_some_and(|k| k % every == every - 1);
+        return all.into_iter().partition(|t| !apart(t.id));
+    }
+    let ends = all.into_iter().map(|t| {
+        let at = frames(&t) - frames(&t) / every;
+        let part = |range: std::ops::RangeInclusive<usize>| Trajectory {
+            id: t.id,
+            states: t.states[range.clone()].to_vec(),
+            torques: t.torques[range].to_vec(),
+        };
+        (part(0..=at), part(at..=frames(&t)))
+    });
+    ends.unzip()
+}

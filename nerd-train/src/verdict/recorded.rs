@@ -1,0 +1,67 @@
+//! What a model of recorded motion is worth: beside its base, a linear map and `articulated` on the robot's own file.
+
+use nerd_sim::calibrate::{Engine, Subject};
+use nerd_sim::instruments::Hold;
+
+use super::{Row, Verdict, common, linear};
+use crate::cost::{on_one_core, timed};
+use crate::evaluate::{Action, PassiveConfig, Pieces, summary, summary_names};
+use crate::measured::Measured;
+use crate::prelude::*;
+use crate::prepare::tokens;
+use crate::progress::bar;
+
+/// Frames of the pieces that the linear map is fitted to, and of whole trajectories at least so many.
+const FRAMES: usize = 64;
+const ENOUGH: usize = 65_536;
+
+/// Judges a model on pieces of a log, and beside it these analytic solvers, in words and as they are; one that cannot step is left out with
+/// a line. There is no verdict on a network along a chain.
+///
+/// # Errors
+/// If the model cannot step.
+pub fn recorded(measured: &Measured, pieces: &Pieces, model: &Model, analytic: &[(&str, Subject)]) -> Result<Option<Verdict>> {
+    if model.config.network.architecture == Architecture::Chain {
+        return Ok(None);
+    }
+    let system = &measured.log.system;
+    let some: Vec<_> = measured.learned.iter().step_by((measured.size()[1] / ENOUGH).max(1)).cloned().collect();
+    let windows = tokens(system, &measured.recording(&some, FRAMES, 1)?, 1, model.config.form());
+    let maps = linear::maps(model, windows);
+    let bar = bar("verdict: solvers", (3 + maps.len() + analytic.len()) as u64);
+    let of = |pieces: &Pieces, of: &str, solver: Box<dyn Solver>| -> Result<Row> {
+        bar.add(1);
+        let (report, microseconds) = timed(solver, pieces.len() * pieces.torques.len(), |solver| pieces.compare(solver))?;
+        Ok(Row { of: of.into(), errors: summary(system, &report.error), microseconds, diverged: report.diverged })
+    };
+    let row = |name: &str, solver: Box<dyn Solver>| of(pieces, name, solver);
+    let found = on_one_core(|| {
+        let [base, own, linear] = common(model, system, maps, &row)?;
+        let hold = if model.config.base == Base::State { None } else { Some(row("hold last", Box::new(Hold))?) };
+        let mut articulated = Vec::new();
+        for (name, subject) in analytic {
+            let pieces = seen(pieces, subject);
+            let Engine::Articulated(config) = subject.engine else { continue };
+            match of(&pieces, &format!("articulated, {name}"), Box::new(Articulated::new(config))) {
+                Ok(row) => articulated.push(row),
+                Err(reason) => tell!("articulated, {name}: left out, {reason}"),
+            }
+        }
+        let protocol = PassiveConfig { starts: pieces.len(), steps: pieces.frames(), seed: 0, action: Action::Recorded(pieces.before) };
+        let (robot, scene, truth) = (system.name.clone(), pieces.scene.name.clone(), measured.truth.clone());
+        let quantities = summary_names(system);
+        Ok::<_, Error>(Verdict { robot, scene, truth, protocol, quantities, model: own, base, hold, linear, articulated })
+    })?;
+    bar.finish();
+    Ok(Some(found))
+}
+
+/// Pieces as they are for a subject: its zeros, its late torques; without the frames before, since it remembers nothing.
+fn seen(pieces: &Pieces, subject: &Subject) -> Pieces {
+    let (d, nq) = (subject.system.robot.state_dim(), subject.system.robot.nq());
+    let mut states = pieces.states[pieces.before..].to_vec();
+    states.iter_mut().flat_map(|frame| frame.chunks_exact_mut(d)).for_each(|state| subject.shift(&mut state[..nq], 1.0));
+    let late = |frame: usize| subject.late(&pieces.torques[frame.saturating_sub(1)], &pieces.torques[frame]);
+    let torques = (pieces.before..pieces.torques.len()).map(late).collect();
+    Pieces { system: subject.system.clone(), scene: subject.scene.clone(), before: 0, states, torques }
+}
