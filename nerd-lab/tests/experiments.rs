@@ -6,10 +6,12 @@ use nerd_lab::choice::Choice;
 use nerd_lab::experiments::calibrated::{CalibratedAll, Calibration};
 use nerd_lab::experiments::chart::Chart;
 use nerd_lab::experiments::games::games;
+use nerd_lab::experiments::gradients::Gradients;
 use nerd_lab::experiments::judges::Judges;
 use nerd_lab::experiments::motions::{MotionErrors, Motions, Row as MotionRow};
 use nerd_lab::experiments::passive::{Case, Passive, Protocol, Row, Rows, unworthy};
 use nerd_lab::experiments::plans::Plans;
+use nerd_lab::experiments::race::Race;
 use nerd_lab::experiments::{Experiment, conduct};
 use nerd_lab::report::manifest::{Entry as Made, Manifest};
 use nerd_lab::report::{Artifact, write_json};
@@ -285,4 +287,40 @@ fn every_judge_has_a_column_and_every_policy_a_row() {
     judges.mujoco = Some("/nowhere/python".into());
     let refused = refusal(judges.measure());
     assert!(refused.contains("/nowhere/python"), "{refused}");
+}
+
+#[test]
+fn a_run_against_the_clock_is_made_once_and_another_one_is_refused() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let mut race = Race { task: vec!["cartpole-swingup".into()], entrant: vec!["shac-x1".into()], seeds: vec![3], ..Race::default() };
+    // It ends by itself.
+    (race.environments, race.iterations, race.seconds, race.games) = (Some(4), Some(2), 1e6, 0);
+    race.runs = folder.path().join("runs");
+    let first = race.measure().expect("measured");
+    let kept = &first.data["rows"][0]["kept"];
+    assert_eq!((kept.as_array().map(Vec::len), &kept[0]["iteration"]), (Some(1), &2.into()), "the last policy alone is kept: {kept}");
+    let file = race.runs.join("cartpole-swingup-shac-x1-3/run.json");
+    let made = std::fs::read(&file).expect("the run");
+    race.games = 3;
+    let played = race.measure().expect("played");
+    assert!(made == std::fs::read(&file).expect("the run"), "it was made again");
+    assert!(played.data["rows"][0]["rewards"][0]["mean"].is_f64(), "{:?}", played.data);
+    race.iterations = Some(3);
+    assert!(refusal(race.measure()).contains("take another --set runs"));
+    race.entrant = vec!["sac-neural".into()];
+    assert!(refusal(race.measure()).contains("--set entrant=sac-neural"));
+}
+
+#[test]
+fn gradients_through_the_truth_are_its_own() {
+    let (task, through) = ("cartpole-swingup".into(), ["truth", "x1"].map(String::from).into());
+    let measured = Gradients { task, through, environments: 6, before: 3, ..Gradients::default() }.measure().expect("measured");
+    let rows = measured.data["rows"].as_array().expect("rows");
+    let number = |row: &serde_json::Value, key: &str| row[key].as_f64().expect(key);
+    for pair in rows.chunks_exact(2) {
+        let (own, other) = (number(&pair[0], "cosine"), number(&pair[1], "cosine"));
+        println!("horizon {}: the truth's cosine {own}, of one substep {other}", pair[0]["horizon"]);
+        assert!((own - 1.0).abs() < 1e-9 && (0.9..1.0 + 1e-9).contains(&other), "cosines {own} and {other}");
+        assert!(number(&pair[0], "deviation") > 0.0 && number(&pair[0], "largest") < 1.0);
+    }
 }

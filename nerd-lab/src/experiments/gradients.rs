@@ -109,7 +109,15 @@ impl Gradients {
         let mut engine = Shac::new(&mut episodes, &mut policy.clone(), &shac, self.seed, &Default::default())?;
         engine.roll(&mut episodes, &mut running, policy, &shac, StreamKey { seed: self.seed, number: 0 })?;
         let own = engine.gradients(policy).into_par_iter().filter(|own| own.iter().any(|g| *g != 0.0));
-        Ok((own.map(|own| own.into_iter().map(|g| f64::from(g) * n as f64).collect()).collect(), engine.earned))
+        let own: Vec<Vec<f64>> = own.map(|own| own.into_iter().map(|g| f64::from(g) * n as f64).collect()).collect();
+        if own.len() < 2 {
+            bail!(
+                "gradients of {} through {through}, {horizon} frames: {} of {n} environments have slopes, two are needed",
+                self.task,
+                own.len()
+            );
+        }
+        Ok((own, engine.earned))
     }
 
     fn row(&self, through: &str, horizon: usize, (gradients, earned): &(Vec<Vec<f64>>, f64), truth: Option<&[f64]>) -> Row {

@@ -77,8 +77,8 @@ impl Log {
 }
 
 impl Subject {
-    /// Rolls every trial out, in as many threads as there are: coordinates of every frame as sensors would show them. A rollout that the solver cannot finish
-    /// stays where it is from there on.
+    /// Rolls every trial out, in as many threads as there are: coordinates of every frame as sensors would show them. A rollout that the
+    /// solver cannot finish stays where it is from there on.
     /// Fails if none can be stepped once.
     pub fn roll(&self, trials: &[Trial]) -> Result<Vec<Vec<Vec<f64>>>, CalibrateError> {
         let nq = self.system.robot.nq();

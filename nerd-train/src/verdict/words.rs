@@ -23,14 +23,16 @@ impl Verdict {
 
     /// What to use, and by how much the network beats what has learned nothing, in one line.
     pub fn line(&self) -> String {
-        let Self { model, base, linear, .. } = self;
+        let Self { model, base, hold, linear, .. } = self;
         let own = digits(model.microseconds);
         let advice = match self.equal() {
             Some(row) if row.microseconds <= model.microseconds => {
                 format!("use the solver: {} errs no more and takes {} us where the model takes {own}", row.of, digits(row.microseconds))
             }
             _ if model.diverged > 0 => format!("use the solver: {} rollouts of the model diverged", model.diverged),
-            _ if base.mean() <= model.mean() || linear.mean() <= model.mean() => "use the solver: the network adds nothing".into(),
+            _ if [Some(base), hold.as_ref(), Some(linear)].into_iter().flatten().any(|row| row.mean() <= model.mean()) => {
+                "use the solver: the network adds nothing".into()
+            }
             _ if self.shortfall().is_some() => "use the solver: the network adds too little".into(),
             Some(row) => {
                 format!("use the network: {} errs no more but takes {} us where the model takes {own}", row.of, digits(row.microseconds))

@@ -11,6 +11,7 @@ use nerd_train::measured::Measured;
 use nerd_train::run::{Recipe, Run, RunConfig};
 use nerd_train::settings::Settings;
 use nerd_train::verdict::recorded;
+use serde_json::json;
 
 /// A wheel on a vertical axle with damping.
 const WHEEL: &str = r#"<robot name="wheel"><link name="a"/><link name="b"><inertial><mass value="1"/><inertia ixx="0.02" iyy="0.02" izz="0.02"
@@ -43,8 +44,8 @@ fn log(folder: &Path, runs: u64, odd: f64) {
 }
 
 fn config(folder: &Path, out: &str) -> RunConfig {
-    let mut run =
-        RunConfig { data: Some(folder.into()), out: folder.join(out), ..RunConfig::recipe("quick", "wheel", "x").expect("shipped") };
+    let mut run = RunConfig::recipe("quick", "wheel", "x").expect("shipped");
+    (run.data, run.out) = (Some(folder.into()), folder.join(out));
     (run.robot, run.embedding, run.layers, run.batch) = (String::new(), 16, 1, 64);
     (run.updates, run.rollouts, run.warmup, run.log_every) = (400, 8, 10, 100);
     run
@@ -95,7 +96,8 @@ fn every_form_learns_from_a_log() {
     let folder = tempfile::tempdir().expect("a folder");
     log(folder.path(), 3, 1.0);
     let run = |out: &str, change: &dyn Fn(&mut RunConfig)| {
-        let mut run = RunConfig { updates: 2, validate_every: Some(1), ..config(folder.path(), out) };
+        let mut run = config(folder.path(), out);
+        (run.updates, run.validate_every) = (2, Some(1));
         change(&mut run);
         Run::new(&run).and_then(|run| run.train()).unwrap_or_else(|e| panic!("{out}: {e}")).expect("a model")
     };
@@ -113,16 +115,18 @@ fn what_means_nothing_beside_a_log_is_refused() {
     log(folder.path(), 6, 1.0);
     let data = folder.path().display().to_string();
     for (key, value, words) in [
-        ("fresh", 1000.into(), "--fresh"),
-        ("transitions", 1000.into(), "--transitions"),
-        ("robot", "pendulum".into(), "names it"),
-        ("truth", "paper".into(), "--truth"),
-        ("held-out", vec![7].into(), "--held-out 7"),
-        ("history", 200.into(), "no sequence"),
+        ("fresh", json!(1000), "--fresh"),
+        ("transitions", json!(1000), "--transitions"),
+        ("robot", json!("pendulum"), "names it"),
+        ("truth", json!("paper"), "--truth"),
+        ("held-out", json!([7]), "--held-out 7"),
+        ("history", json!(200), "no sequence"),
     ] {
-        let mut given = RunConfig { data: Some(data.clone().into()), out: folder.path().join("x"), ..RunConfig::default() }.given();
+        let mut run = RunConfig::default();
+        (run.data, run.out) = (Some(data.clone().into()), folder.path().join("x"));
+        let mut given = run.given();
         given.retain(|name, _| ["data", "out"].contains(&name.as_str()));
-        given.insert(key.into(), serde_json::Value::from(value));
+        given.insert(key.into(), value);
         let said = Recipe::plain(&given).and_then(|recipe| recipe.train()).expect_err(key).to_string();
         assert!(said.contains(words) && said.lines().count() == 1, "{key}: {said}");
     }

@@ -19,6 +19,8 @@ pub struct Row {
     pub machine: String,
     /// Before it began: compiled, once it had begun: iterations, and episodes that its solver could not go on with.
     pub compiled: f64,
+    /// That it was given.
+    pub seconds: f64,
     pub iterations: u64,
     pub failed: usize,
     /// Minutes that its model's own training took, the runs that it went on from included.
@@ -39,8 +41,8 @@ impl Row {
             _ => None,
         };
         let (task, entrant, machine) = (run.task.clone(), run.entrant.clone(), done.provenance.machine);
-        let (compiled, iterations, failed) = (done.compiled, done.iterations, done.failed);
-        Ok(Self { task, entrant, seed: run.seed, machine, compiled, iterations, failed, model, kept: done.kept, rewards })
+        let (compiled, seconds, iterations, failed) = (done.compiled, done.seconds, done.iterations, done.failed);
+        Ok(Self { task, entrant, seed: run.seed, machine, compiled, seconds, iterations, failed, model, kept: done.kept, rewards })
     }
 
     /// Seconds and rewards of its policies: in truth, or where none has played those of training.
@@ -58,7 +60,7 @@ impl Row {
         path.iter()
             .find(late)
             .filter(|point| point.0 < 1.2 * seconds + 0.5)
-            .or(path.last().filter(|last| last.0 < seconds))
+            .or(path.last().filter(|last| last.0 < seconds.min(self.seconds)))
             .map(|point| point.1)
     }
 
