@@ -177,7 +177,7 @@ fn drives_and_sensors_are_found() {
     let (shared, truth) = (parameters(&nominal.system, &names), [0.006, 0.05, 0.6]);
     let own = parameters(&nominal.system, &["zero:shoulder", "zero:elbow"]);
     let zeros = [[0.06, -0.03], [-0.05, 0.1], [0.02, 0.04]];
-    let trials: Vec<Trial> = zeros.iter().enumerate().flat_map(|(k, zeros)| {
+    let trials = zeros.iter().enumerate().flat_map(|(k, zeros)| {
         let values = [&truth[..], zeros].concat();
         let made = nominal.with(&[&shared[..], &own].concat(), &values).expect("values");
         shown(&made, k as u64, 400)

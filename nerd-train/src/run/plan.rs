@@ -43,7 +43,7 @@ pub(super) struct Plan {
 impl Plan {
     pub fn new(config: &RunConfig) -> Result<Self> {
         config.check()?;
-        let measured = config.log().map(|log| Measured::read(&log, &config.held_out)).transpose()?;
+        let measured = config.log().map(|log| Measured::read(&log, config.held_out.as_deref().unwrap_or_default())).transpose()?;
         let system = config.system()?;
         progress::notes(&system);
         let config = &match &measured {
@@ -133,7 +133,7 @@ impl RunConfig {
             (!self.robot.is_empty() && log, "--robot: the log of --data names it; leave it out"),
             (self.record.truth.is_some() && log, "--truth: recorded motion is the truth; leave it out"),
             (chain && log, "--variant chain means nothing with recorded motion of --data"),
-            (!self.held_out.is_empty() && !log, "--held-out means nothing without a log as --data"),
+            (self.held_out.is_some() && !log, "--held-out means nothing without a log as --data"),
             (self.out.as_os_str().is_empty(), "--out is needed: see `cargo xtask train --help`"),
             (!recorded && self.fresh > 0, "--fresh records by itself: leave out --data"),
             (!recorded && !self.record.policy.is_empty(), "--policy records by itself: leave out --data"),

@@ -42,7 +42,7 @@ settings! {
         /// names the robot; recorded in memory if absent
         data: Option<PathBuf> = None, Text;
         /// Trajectories of a log that nothing learns from, comma-separated [default: every fifth, or the last fifth of each]
-        held_out: Vec<u64> = Vec::new(), Wholes(0..=u64::MAX);
+        held_out: Option<Vec<u64>> = None, Wholes(0..=u64::MAX);
         /// Transitions to record before
         transitions: usize = 10_000_000, Whole(TRANSITIONS);
         /// Transitions recorded during the run, which replace the oldest, against overfitting

@@ -9,9 +9,9 @@ use nerd_sim::sampling::normal;
 use nerd_train::evaluate::Pieces;
 use nerd_train::measured::Measured;
 use nerd_train::run::{Recipe, Run, RunConfig};
-use nerd_train::settings::Settings;
+use nerd_train::settings::Given;
 use nerd_train::verdict::recorded;
-use serde_json::json;
+use serde_json::Value;
 
 /// A wheel on a vertical axle with damping.
 const WHEEL: &str = r#"<robot name="wheel"><link name="a"/><link name="b"><inertial><mass value="1"/><inertia ixx="0.02" iyy="0.02" izz="0.02"
@@ -20,7 +20,7 @@ const WHEEL: &str = r#"<robot name="wheel"><link name="a"/><link name="b"><inert
 const LOG: &str = "file = \"turns.csv\"\nrobot = \"wheel.urdf\"\nscene = \"free\"\ntrajectory = \"run\"\ntime = \"t\"\n\
     [[joint]]\nname = \"j\"\nposition = \"q\"\nvelocity = \"v\"\ntorque = \"u\"\n";
 
-/// A log of so many runs of 60 frames; those of odd ones `held` out turn `odd` times as fast.
+/// A log of so many runs of 60 frames; every fifth begins `odd` times as fast.
 fn log(folder: &Path, runs: u64, odd: f64) {
     std::fs::write(folder.join("wheel.urdf"), WHEEL).expect("written");
     std::fs::write(folder.join("wheel.toml"), "like = \"urdf\"\nfloating = false\nframe_time = 0.02\n").expect("written");
@@ -44,9 +44,9 @@ fn log(folder: &Path, runs: u64, odd: f64) {
 }
 
 fn config(folder: &Path, out: &str) -> RunConfig {
-    let mut run = RunConfig::recipe("quick", "wheel", "x").expect("shipped");
-    (run.data, run.out) = (Some(folder.into()), folder.join(out));
-    (run.robot, run.embedding, run.layers, run.batch) = (String::new(), 16, 1, 64);
+    let mut run = RunConfig::recipe("quick", "wheel", folder.join(out)).expect("shipped");
+    (run.data, run.robot) = (Some(folder.into()), String::new());
+    (run.embedding, run.layers, run.batch) = (16, 1, 64);
     (run.updates, run.rollouts, run.warmup, run.log_every) = (400, 8, 10, 100);
     run
 }
@@ -103,7 +103,7 @@ fn every_form_learns_from_a_log() {
     };
     let first = run("first", &|_| ());
     run("window", &|run| (run.history, run.head_width, run.base) = (5, 8, nerd_model::base::Base::Trapezoid));
-    run("stream", &|run| (run.stream, run.history, run.head_width, run.sequence) = (true, 4, 8, Some(12)));
+    run("stream", &|run| (run.stream, run.history, run.head_width, run.sequence) = (true, 4, 8, Some(6)));
     run("rolled", &|run| (run.from, run.sequence, run.epsilon, run.huber) = (Some(first.clone()), Some(6), None, None));
     let text = std::fs::read_to_string(first.join("README.md")).expect("a card");
     assert!(text.contains("the last 1/5 of each trajectory"), "{text}");
@@ -113,20 +113,17 @@ fn every_form_learns_from_a_log() {
 fn what_means_nothing_beside_a_log_is_refused() {
     let folder = tempfile::tempdir().expect("a folder");
     log(folder.path(), 6, 1.0);
-    let data = folder.path().display().to_string();
-    for (key, value, words) in [
-        ("fresh", json!(1000), "--fresh"),
-        ("transitions", json!(1000), "--transitions"),
-        ("robot", json!("pendulum"), "names it"),
-        ("truth", json!("paper"), "--truth"),
-        ("held-out", json!([7]), "--held-out 7"),
-        ("history", json!(200), "no sequence"),
-    ] {
-        let mut run = RunConfig::default();
-        (run.data, run.out) = (Some(data.clone().into()), folder.path().join("x"));
-        let mut given = run.given();
-        given.retain(|name, _| ["data", "out"].contains(&name.as_str()));
-        given.insert(key.into(), value);
+    let cases: [(&str, Value, &str); 6] = [
+        ("fresh", 1000.into(), "--fresh"),
+        ("transitions", 1000.into(), "--transitions"),
+        ("robot", "pendulum".into(), "names it"),
+        ("truth", "paper".into(), "--truth"),
+        ("held-out", vec![7].into(), "--held-out 7"),
+        ("history", 200.into(), "no sequence"),
+    ];
+    for (key, value, words) in cases {
+        let [data, out] = [folder.path().to_path_buf(), folder.path().join("x")].map(|path| Value::from(path.display().to_string()));
+        let given: Given = [("data", data), ("out", out), (key, value)].map(|(key, value)| (key.to_string(), value)).into_iter().collect();
         let said = Recipe::plain(&given).and_then(|recipe| recipe.train()).expect_err(key).to_string();
         assert!(said.contains(words) && said.lines().count() == 1, "{key}: {said}");
     }
