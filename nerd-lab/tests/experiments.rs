@@ -292,7 +292,8 @@ fn every_judge_has_a_column_and_every_policy_a_row() {
 #[test]
 fn a_run_against_the_clock_is_made_once_and_another_one_is_refused() {
     let folder = tempfile::tempdir().expect("temporary folder");
-    let mut race = Race { task: vec!["cartpole-swingup".into()], entrant: vec!["shac-x1".into()], seeds: vec![3], ..Race::default() };
+    let mut race = Race::default();
+    (race.task, race.entrant, race.seeds) = (vec!["cartpole-swingup".into()], vec!["shac-x1".into()], vec![3]);
     // It ends by itself.
     (race.environments, race.iterations, race.seconds, race.games) = (Some(4), Some(2), 1e6, 0);
     race.runs = folder.path().join("runs");
@@ -314,7 +315,9 @@ fn a_run_against_the_clock_is_made_once_and_another_one_is_refused() {
 #[test]
 fn gradients_through_the_truth_are_its_own() {
     let (task, through) = ("cartpole-swingup".into(), ["truth", "x1"].map(String::from).into());
-    let measured = Gradients { task, through, environments: 6, before: 3, ..Gradients::default() }.measure().expect("measured");
+    let mut gradients = Gradients::default();
+    (gradients.task, gradients.through, gradients.environments, gradients.before) = (task, through, 6, 3);
+    let measured = gradients.measure().expect("measured");
     let rows = measured.data["rows"].as_array().expect("rows");
     let number = |row: &serde_json::Value, key: &str| row[key].as_f64().expect(key);
     for pair in rows.chunks_exact(2) {
