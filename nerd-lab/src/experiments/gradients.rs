@@ -180,7 +180,7 @@ impl Experiment for Gradients {
         }
         bar.finish();
         let line = |r: &Row| {
-            let noise = or_dash(r.noise.map(|noise| digits(noise)));
+            let noise = or_dash(r.noise.map(digits));
             let head = [r.through.clone(), r.horizon.to_string(), r.environments.to_string(), format!("{:.3}", r.earned), digits(r.mean)];
             let tail = [digits(r.deviation), noise, format!("{:.0}", 100.0 * r.largest), or_dash(r.cosine.map(|x| format!("{x:.3}")))];
             head.into_iter().chain(tail).collect()

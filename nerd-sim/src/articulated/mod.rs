@@ -19,6 +19,7 @@ mod frame;
 mod implicit;
 mod kept;
 mod kick;
+mod memory;
 mod slopes;
 mod solver;
 mod stiff;

@@ -8,7 +8,7 @@ use nerd_core::dynamics::{Data, Factor, point_position, velocities};
 use nerd_core::robot::Robot;
 
 use super::kept::Kept;
-use super::slopes::Memory;
+use super::memory::Memory;
 use super::stiff::{Bounds, Stiff};
 use super::touches::Touches;
 use crate::drive::Drive;

@@ -214,7 +214,7 @@ fn a_folder_of_tables_becomes_pieces() {
     let mut events = Vec::new();
     contacts(
         &system.robot,
-        &*system.scene("ground1").expect("a scene"),
+        &system.scene("ground1").expect("a scene"),
         &recording.states[..4],
         &mut Data::new(&system.robot),
         &mut events,

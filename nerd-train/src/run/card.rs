@@ -15,7 +15,8 @@ use crate::measured::Measured;
 use crate::prelude::*;
 use crate::records::rows;
 use crate::trainer::TrainerConfig;
-use crate::verdict::{Verdict, recorded, verdict};
+use crate::verdict::recorded::recorded;
+use crate::verdict::{Verdict, verdict};
 
 /// Weights of a network beyond which they are stored in 16 bits: a small one errs so little that rounding would be most of its error.
 const LARGE: usize = 1_000_000;

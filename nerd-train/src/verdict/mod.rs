@@ -4,7 +4,7 @@
 //! All roll out from equal starts under equal torques, on one core of the CPU, and each one's time and error are of the same steps.
 
 mod linear;
-mod recorded;
+pub mod recorded;
 mod words;
 
 use nerd_model::pick::{Setting, learned};
@@ -15,8 +15,6 @@ use crate::evaluate::{Action, PassiveConfig, passive, summary, summary_names};
 use crate::prelude::*;
 use crate::progress::bar;
 use crate::stats::mean;
-
-pub use recorded::recorded;
 
 /// How many times a model's error that of its base alone, and of a linear map, has to be for the network to have earned its place.
 pub const WORTH: f64 = 5.0;
@@ -118,12 +116,15 @@ pub fn verdict(system: &Arc<System>, scene: &Arc<Scene>, model: &Model, protocol
     Ok(Some(found))
 }
 
+/// Rolls a solver out under a name.
+type Rower<'a> = dyn Fn(&str, Box<dyn Solver>) -> Result<Row> + 'a;
+
 /// The base alone, the model and the best of some linear maps.
 fn common(
     model: &Model,
     system: &Arc<System>,
     maps: Vec<linear::Linear>,
-    row: &dyn Fn(&str, Box<dyn Solver>) -> Result<Row>,
+    row: &Rower,
 ) -> Result<[Row; 3]> {
     let name = match model.config.base {
         Base::State => "base alone (hold last)",

@@ -10,7 +10,7 @@ use nerd_train::evaluate::Pieces;
 use nerd_train::measured::Measured;
 use nerd_train::run::{Recipe, Run, RunConfig};
 use nerd_train::settings::Given;
-use nerd_train::verdict::recorded;
+use nerd_train::verdict::recorded::recorded;
 use serde_json::Value;
 
 /// A wheel on a vertical axle with damping.

@@ -1,7 +1,8 @@
 //! A model of recorded motion beside trajectories that it did not learn from.
 
 use nerd_train::measured::Measured as Log;
-use nerd_train::verdict::{Verdict, recorded};
+use nerd_train::verdict::Verdict;
+use nerd_train::verdict::recorded::recorded;
 
 use super::Protocol;
 use crate::prelude::*;

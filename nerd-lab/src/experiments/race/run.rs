@@ -7,7 +7,8 @@ use nerd_train::provenance::Provenance;
 use nerd_train::records::claimed;
 use rayon::prelude::*;
 
-use super::{AT, Race, Reward, arena_of};
+use super::super::games::{Reward, arena_of};
+use super::settings::{AT, Race};
 use crate::error;
 use crate::prelude::*;
 

@@ -2,8 +2,9 @@
 
 use nerd_train::stats::percentile;
 
+use super::super::games::Reward;
 use super::run::{Kept, Run};
-use super::{GOALS, Reward};
+use super::settings::GOALS;
 use crate::prelude::*;
 
 /// Seconds after which rewards are told.

@@ -2,6 +2,8 @@
 
 mod back;
 mod episode;
+#[cfg(feature = "cuda")]
+mod motion;
 mod program;
 #[cfg(feature = "cuda")]
 mod roll;
@@ -16,8 +18,10 @@ mod solver;
 pub use crate::solver::device::{Back, Held, Resident, Trail, failed};
 pub use back::{back_program, goes_back};
 pub use episode::{RANDOM, episode};
+#[cfg(feature = "cuda")]
+pub use motion::{BLOCK, Motion};
 pub use program::{Reach, Real, fault, functions, packed, program, record, surfaces};
 #[cfg(feature = "cuda")]
-pub use roll::{BLOCK, Motion, OnDevice, Roll};
+pub use roll::{OnDevice, Roll};
 #[cfg(feature = "cuda")]
 pub use solver::{CudaArticulated, Whole};

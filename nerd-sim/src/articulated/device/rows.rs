@@ -2,8 +2,8 @@
 
 use nerd_cuda::{Buffer, Device, DeviceError, Replay};
 
+use super::motion::Motion;
 use super::program::fault;
-use super::roll::Motion;
 use crate::batch::Batch;
 use crate::solver::device::{Back, Held, Trail, failed};
 use crate::solver::{Fault, Slopes, StepError};

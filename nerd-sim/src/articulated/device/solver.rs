@@ -4,8 +4,9 @@ use nerd_cuda::Arg::{Int, Ptr};
 use nerd_cuda::{Device, DeviceError};
 
 use super::back::{back_program, goes_back};
+use super::motion::{BLOCK, Motion};
 use super::program::{Reach, Real, program};
-use super::roll::{BLOCK, Motion, OnDevice};
+use super::roll::OnDevice;
 use crate::articulated::config::ArticulatedConfig;
 use crate::batch::Batch;
 use crate::solver::device::{Back, Held, Trail, failed};

@@ -3,30 +3,10 @@
 use nalgebra::Quaternion;
 
 use super::super::kept::Flown;
+use super::super::memory::{Flight, Memory};
 use super::numbers::Layout;
 use super::row::{Row, set};
-use super::stage::Memory;
 use crate::prelude::*;
-
-/// Working memory.
-pub(super) struct Flight {
-    end: Vec<f64>,
-    /// Gradients by the numbers of the state before a substep and after it, a quaternion's four among them, by those of a stage, and by its rate.
-    by_state: Vec<f64>,
-    by_end: Vec<f64>,
-    by_stage: Vec<f64>,
-    by_rate: Vec<f64>,
-    virtuals: Vec<f64>,
-    qdd: Vec<f64>,
-}
-
-impl Flight {
-    pub(super) fn new(robot: &Robot) -> Self {
-        let [end, by_state, by_end, by_stage, by_rate] = [(); 5].map(|()| vec![0.0; robot.state_dim()]);
-        let [virtuals, qdd] = [(); 2].map(|()| vec![0.0; robot.nv()]);
-        Self { end, by_state, by_end, by_stage, by_rate, virtuals, qdd }
-    }
-}
 
 impl Row {
     /// Back over the frame's substeps.

@@ -13,11 +13,11 @@ use nerd_core::dynamics::{crba, motions, motions_back};
 use numbers::Numbers;
 pub use numbers::numbers;
 use row::Row;
-pub(super) use stage::Memory;
 use stage::Place;
 
 use super::config::Settings;
 use super::kept::Step;
+use super::memory::Memory;
 use super::workspace::Workspace;
 use crate::prelude::*;
 use crate::solver::parallel::{Back, Frame};

@@ -1,48 +1,17 @@
 //! Back over the solves of an implicit substep with one velocity in its middle, by the implicit function theorem.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 use nerd_core::dynamics::{Adjoint, bias, motions};
 
 use super::super::find::above;
-use super::super::kept::{Kept, Stage, Step};
+use super::super::kept::{Stage, Step};
+use super::super::memory::Memory;
 use super::super::touch::{Contact, Touch};
 use super::super::workspace::Workspace;
-use super::explicit::Flight;
 use super::law::{At, ContactLaw, JointLaw};
 use super::numbers::{ARMATURE, FRICTION, Layout, NORMAL, OFFSET};
 use super::row::{Row, set};
 use crate::prelude::*;
-
-/// Working memory of the way back.
-pub(in super::super) struct Memory {
-    /// For the next frame.
-    pub(super) kept: Kept,
-    pub(super) adjoint: Adjoint,
-    /// Twists of links at a substep's start, and what accelerations do to them.
-    pub(super) starts: Vec<Motion>,
-    quickened: Vec<Motion>,
-    columns: Vec<(usize, Vector3<f64>)>,
-    by_middle: Vec<f64>,
-    /// `(dR/da)^T` of the residual R.
-    matrix: DMatrix<f64>,
-    pub(super) flight: Flight,
-}
-
-impl Memory {
-    pub(super) fn new(robot: &Robot) -> Self {
-        let (n, nv) = (robot.links.len(), robot.nv());
-        Self {
-            kept: Kept::default(),
-            adjoint: Adjoint::new(robot),
-            starts: vec![Motion::default(); n],
-            quickened: vec![Motion::default(); n],
-            columns: Vec::new(),
-            by_middle: vec![0.0; nv],
-            matrix: DMatrix::zeros(nv, nv),
-            flight: Flight::new(robot),
-        }
-    }
-}
 
 /// What acts in a stage.
 #[allow(clippy::large_enum_variant)] // Most are contacts.

@@ -4,11 +4,12 @@ use nerd_core::dynamics::onto;
 
 use super::super::implicit::Damped;
 use super::super::kept::Step;
+use super::super::memory::Memory;
 use super::super::touch::{Contact, Touch};
 use super::super::workspace::Workspace;
 use super::numbers::{ARMATURE, DAMPING, NORMAL};
 use super::row::Row;
-use super::stage::{Memory, Place};
+use super::stage::Place;
 use crate::prelude::*;
 
 /// What is pushed to find a weight.

@@ -120,3 +120,6 @@ pub(super) struct PassState {
     pub(super) step: u64,
     pub(super) factors: [f32; 4],
 }
+
+/// What a captured rollout is of: the world, what its steps are kept for, and the seed of its noise.
+pub(super) type RollKey = (u64, usize, [u64; 4]);

@@ -23,8 +23,7 @@ use super::team::Team;
 use super::{Adam, Algorithm, Ended, Policy, PpoConfig, Rollout, Running, RunningMoments, Shape, StreamKey, Taken, Terms, Updated};
 use crate::learner::cuda::{Network, Plan, joined};
 use crate::prelude::*;
-use memory::{Kept, PassState, Steps};
-use roll::RollKey;
+use memory::{Kept, PassState, RollKey, Steps};
 use world::World;
 
 pub use shac::CudaShac;

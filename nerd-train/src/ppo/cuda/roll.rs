@@ -2,9 +2,6 @@
 
 use super::*;
 
-/// What a captured rollout is of: the world, what its steps are kept for, and the seed of its noise.
-pub(super) type RollKey = (u64, usize, [u64; 4]);
-
 impl CudaEngine {
     /// Steps every environment through a horizon, from where `running` is; what the steps led to has no value yet.
     pub(super) fn stay(

@@ -1,0 +1,58 @@
+//! Working memory of the way back through a frame.
+
+use nalgebra::DMatrix;
+use nerd_core::dynamics::Adjoint;
+
+use super::kept::Kept;
+use crate::prelude::*;
+
+/// Working memory of the way back.
+pub(super) struct Memory {
+    /// For the next frame.
+    pub(super) kept: Kept,
+    pub(super) adjoint: Adjoint,
+    /// Twists of links at a substep's start, and what accelerations do to them.
+    pub(super) starts: Vec<Motion>,
+    pub(super) quickened: Vec<Motion>,
+    pub(super) columns: Vec<(usize, Vector3<f64>)>,
+    pub(super) by_middle: Vec<f64>,
+    /// `(dR/da)^T` of the residual R.
+    pub(super) matrix: DMatrix<f64>,
+    pub(super) flight: Flight,
+}
+
+impl Memory {
+    pub(super) fn new(robot: &Robot) -> Self {
+        let (n, nv) = (robot.links.len(), robot.nv());
+        Self {
+            kept: Kept::default(),
+            adjoint: Adjoint::new(robot),
+            starts: vec![Motion::default(); n],
+            quickened: vec![Motion::default(); n],
+            columns: Vec::new(),
+            by_middle: vec![0.0; nv],
+            matrix: DMatrix::zeros(nv, nv),
+            flight: Flight::new(robot),
+        }
+    }
+}
+
+/// That through frames without anything to touch.
+pub(super) struct Flight {
+    pub(super) end: Vec<f64>,
+    /// Gradients by the numbers of the state before a substep and after it, a quaternion's four among them, by those of a stage, and by its rate.
+    pub(super) by_state: Vec<f64>,
+    pub(super) by_end: Vec<f64>,
+    pub(super) by_stage: Vec<f64>,
+    pub(super) by_rate: Vec<f64>,
+    pub(super) virtuals: Vec<f64>,
+    pub(super) qdd: Vec<f64>,
+}
+
+impl Flight {
+    pub(super) fn new(robot: &Robot) -> Self {
+        let [end, by_state, by_end, by_stage, by_rate] = [(); 5].map(|()| vec![0.0; robot.state_dim()]);
+        let [virtuals, qdd] = [(); 2].map(|()| vec![0.0; robot.nv()]);
+        Self { end, by_state, by_end, by_stage, by_rate, virtuals, qdd }
+    }
+}
