@@ -212,13 +212,7 @@ fn a_folder_of_tables_becomes_pieces() {
     assert_eq!(first, (0..=27).collect::<Vec<_>>(), "sequences of {sequence} frames begin at each of them");
     // Contacts are those of the robot's own geometry.
     let mut events = Vec::new();
-    contacts(
-        &system.robot,
-        &system.scene("ground1").expect("a scene"),
-        &recording.states[..4],
-        &mut Data::new(&system.robot),
-        &mut events,
-    );
+    contacts(&system.robot, &system.scene("ground1").expect("a scene"), &recording.states[..4], &mut Data::new(&system.robot), &mut events);
     let depths: Vec<f64> = events.iter().map(|e| e.distance).collect();
     assert_eq!(recording.depths[..depths.len()], depths[..]);
 

@@ -120,12 +120,7 @@ pub fn verdict(system: &Arc<System>, scene: &Arc<Scene>, model: &Model, protocol
 type Rower<'a> = dyn Fn(&str, Box<dyn Solver>) -> Result<Row> + 'a;
 
 /// The base alone, the model and the best of some linear maps.
-fn common(
-    model: &Model,
-    system: &Arc<System>,
-    maps: Vec<linear::Linear>,
-    row: &Rower,
-) -> Result<[Row; 3]> {
+fn common(model: &Model, system: &Arc<System>, maps: Vec<linear::Linear>, row: &Rower) -> Result<[Row; 3]> {
     let name = match model.config.base {
         Base::State => "base alone (hold last)",
         Base::Trapezoid => "base alone (constant velocity)",
