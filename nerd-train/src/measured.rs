@@ -65,18 +65,19 @@ impl Measured {
         Ok(Self::parted(path, log, held_out))
     }
 
-    /// The same for a model: held out is what its card says; of a log that it did not learn all.
+    /// The same for a model: held out is what its card says; of a log that it did not learn what [`Measured::read`] holds out.
     pub fn of(path: &Path, model: &Model) -> Result<Self> {
         let log = Log::read(path, None)?;
         let said = model.config.provenance.get("held out").map_or("", String::as_str);
         let mut ids: Vec<u64> = said.split(", ").filter_map(|id| id.parse().ok()).collect();
         ids.retain(|id| log.trajectories.iter().any(|t| t.id == *id));
-        let mut found = Self::parted(path, log, &ids);
-        if found.sha256 != model.config.data_sha256 {
-            tell!("{}: the model learned other data (`{}`); all of this is judged on", path.display(), model.config.truth);
-            found.held_out.clone_from(&found.log.trajectories);
+        let found = Self::parted(path, log, &ids);
+        if found.sha256 == model.config.data_sha256 {
+            return Ok(found);
         }
-        Ok(found)
+        // What it did not learn of this, what stands beside it does: it is judged where neither did.
+        tell!("{}: the model learned other data (`{}`)", path.display(), model.config.truth);
+        Ok(Self::parted(path, Log { notes: Vec::new(), ..found.log }, &[]))
     }
 
     fn parted(path: &Path, log: Log, held_out: &[u64]) -> Self {

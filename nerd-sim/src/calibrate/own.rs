@@ -35,6 +35,9 @@ impl Subject {
         progress: &mut dyn FnMut(usize, f64),
     ) -> Result<OwnFit, CalibrateError> {
         let trials = thinned(trials, config.trials);
+        if trials.is_empty() {
+            return Err(CalibrateError::Empty);
+        }
         let mut ids: Vec<u64> = trials.iter().map(|t| t.id).collect();
         ids.dedup();
         let (s, o) = (shared.len(), own.len());
@@ -78,8 +81,14 @@ impl Subject {
             progress(spent.get() as usize, best);
         }
         let of = |id: &u64| trials.iter().filter(|t| t.id == *id).cloned().collect::<Vec<_>>();
-        let after = ids.iter().enumerate().map(|(k, id)| self.with(&pair, &part(&values, k))?.distances(&of(id)));
-        let (before, after) = (mean(&self.distances(&trials)?), mean(&after.collect::<Result<Vec<_>, _>>()?.concat()));
+        let apart = ids.iter().enumerate().map(|(k, id)| self.with(&pair, &part(&values, k))?.distances(&of(id)));
+        let (before, mut after) = (mean(&self.distances(&trials)?), mean(&apart.collect::<Result<Vec<_>, _>>()?.concat()));
+        // Never worse than none on all its trials.
+        let kept = objective(&after, &before);
+        if !kept.is_finite() || kept > objective(&before, &before) {
+            values = all.iter().map(|p| p.nominal).collect();
+            after = before;
+        }
         let own = ids.iter().enumerate().map(|(k, id)| (*id, part(&values, k).split_off(s))).collect();
         values.truncate(s);
         let (objective, evaluations) = (objective(&after, &before), spent.get());

@@ -37,7 +37,12 @@ impl Verdict {
             Some(row) => {
                 format!("use the network: {} errs no more but takes {} us where the model takes {own}", row.of, digits(row.microseconds))
             }
-            None if self.recorded() => format!("use the network: it takes {own} us and errs less than all beside it"),
+            None if self.recorded() && self.articulated.iter().any(|row| row.of.ends_with("calibrated")) => {
+                format!("use the network: it takes {own} us and errs less than all beside it")
+            }
+            None if self.recorded() => {
+                format!("the network takes {own} us and errs less than all beside it; `evaluate --data` asks a calibrated solver, too")
+            }
             None => format!("use the network: it takes {own} us, and no number of substeps of `articulated` errs as little"),
         };
         format!("{advice}; {} errs {} times as much, a {} {}", base.of, self.span(base), linear.of, self.span(linear))

@@ -1,7 +1,7 @@
 //! Splits of a log by trajectory, and errors on the part that nothing was fitted to.
 
 use nerd_sim::calibrate::{Distance, Fit, Subject, Trial, distance, mean};
-use nerd_sim::log::Log;
+use nerd_sim::log::{Log, Trajectory};
 use rand::RngExt;
 use rand::seq::SliceRandom;
 
@@ -64,7 +64,11 @@ impl Parts {
         judged.sort_unstable();
         let mut judged_on = of(&judged, trials);
         judged_on.retain(|t| t.first >= before);
-        let parts = Self { train: of(&ids[..first], trials), judged: judged_on, whole: of(&judged, &log.trials(0, 1)), ids: judged };
+        // Whole but for what a trajectory's own parameters are found from.
+        let rest = log.trajectories.iter().filter(|t| t.states.len() > before + 1);
+        let rest = rest.map(|t| Trajectory { id: t.id, states: t.states[before..].to_vec(), torques: t.torques[before..].to_vec() });
+        let whole = Log { trajectories: rest.collect(), ..log.clone() }.trials(0, 1);
+        let parts = Self { train: of(&ids[..first], trials), judged: judged_on, whole: of(&judged, &whole), ids: judged };
         if parts.train.is_empty() || parts.judged.is_empty() {
             let longest = log.trajectories.iter().map(|t| t.states.len()).max().unwrap_or_default();
             bail!(

@@ -122,7 +122,7 @@ pub fn race(rows: &[Row]) -> Table {
     let note = format!(
         "Reward {}; medians of seeds. From random weights, kernels compiled before. Reached: seconds until the first policy that was set aside \
          earned the goal; a dash where half of the seeds have none. A run that ended before a time has its last policy there. NeRD: minutes that \
-         the model's own training took, on one H100.",
+         the model's own training took, by its card; runs on two GPUs count once.",
         where_(rows)
     );
     Table::new("race", &header).with(groups(rows).into_iter().map(line)).noted(&note)
