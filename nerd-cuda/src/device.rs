@@ -1,18 +1,15 @@
 //! One GPU: context, two streams, compiled kernels.
 
-use std::cell::RefCell;
-use std::collections::HashMap;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::{cell::RefCell, collections::HashMap, sync::Arc};
 
 use cudarc::cublas::{CudaBlas, sys as blas};
-use cudarc::driver::{self, CudaContext, CudaEvent, CudaFunction, CudaGraph, CudaStream, sys};
+use cudarc::driver::{CudaContext, CudaEvent, CudaFunction, CudaGraph, CudaStream, self, sys};
 use cudarc::nvrtc;
 
-use crate::compile::compiled;
 use crate::error::{DeviceError, failed};
 use crate::memory::{Buffer, allocate, check_fit};
-use crate::precision::Precision;
+use crate::{compile::compiled, precision::Precision};
 
 /// Bytes cuBLAS may use per stream; fixed, so that it always chooses the same algorithms.
 const WORKSPACE: usize = 32 << 20;

@@ -1,9 +1,8 @@
 //! Memory of a device.
 
-use std::marker::PhantomData;
-use std::sync::Arc;
+use std::{marker::PhantomData, sync::Arc};
 
-use cudarc::driver::{self, CudaContext};
+use cudarc::driver::{CudaContext, self};
 
 use crate::error::{DeviceError, failed};
 

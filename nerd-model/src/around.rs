@@ -1,12 +1,9 @@
 //! What surrounds the network of a robot that is seen by one token: from outputs to the change of a state, and the way back of a frame.
 
-use crate::base::Base;
-use crate::features::Features;
-use crate::form::Form;
-use crate::normalizer::Normalizer;
 use crate::prelude::*;
 use crate::slopes::{Seen, apply_back, token_back};
 use crate::trapezoid;
+use crate::{base::Base, features::Features, form::Form, normalizer::Normalizer};
 
 /// What a robot's tokens and predictions mean.
 #[derive(Clone)]

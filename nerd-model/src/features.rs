@@ -11,18 +11,12 @@
 //!
 //! No token or target knows a mass, force or acceleration.
 
-use std::sync::Arc;
-
-use nalgebra::{Isometry3, Vector3};
-use nerd_core::contact::{ContactEvent, ContactPoint};
-use nerd_core::dynamics::{Data, kinematics, link_pose, velocities};
-use nerd_core::frames::RootFrame;
-use nerd_core::robot::{Joint, JointKind, Robot};
-use nerd_core::state::{quaternion, wrap, wrap_state, write_quaternion};
-use nerd_sim::system::System;
+use nerd_core::dynamics::{link_pose, velocities};
+use nerd_core::state::wrap_state;
 
 use crate::base::Base;
 use crate::form::{Form, View};
+use crate::prelude::*;
 use crate::trapezoid;
 
 /// Gaps (m) that are much smaller are told apart, larger ones are far.

@@ -3,10 +3,9 @@
 use nerd_core::state::wrap_state;
 use nerd_sim::solver::{Fault, Slopes};
 
-use crate::around::Around;
-use crate::features::Features;
 use crate::prelude::*;
 use crate::program::cpu::{Loaded, Memory, Pass};
+use crate::{around::Around, features::Features};
 
 /// Working memory of one thread.
 pub(crate) struct Frame {

@@ -4,14 +4,12 @@
 //! frame of reference, and the network ([`Stream`]) remembers the last ones. A gap in an environment's frames (a reset, frames stepped by
 //! another solver, a failed frame) clears that memory.
 
-use nerd_sim::batch::Batch;
-use nerd_sim::solver::{Fault, Slopes, Solver, StepError, check, commit};
+use nerd_sim::solver::{Fault, Slopes, check, commit};
 use rayon::prelude::*;
 
-use crate::folder::Model;
-use crate::frame::Frame;
-use crate::program::cpu::Loaded;
+use crate::prelude::*;
 use crate::transformer::{Architecture, ForwardError, Stream, even, packed};
+use crate::{frame::Frame, program::cpu::Loaded};
 
 /// Environments that one thread prepares in a row.
 const CHUNK: usize = 16;

@@ -4,12 +4,11 @@
 //! Of a free root (own axes, `a` angular and `b` linear) `d = T (b + c_b / 2) + c_d`, and its turn is `exp(T (a + c_a / 2)) c_n`. So positions
 //! go with velocities, and what is left to learn of them is what contact does within the frame.
 
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::Quaternion;
 use nerd_core::frames::own_velocity;
-use nerd_core::robot::Robot;
-use nerd_core::state::vector;
 
 use crate::normalizer::Moments;
+use crate::prelude::*;
 
 /// The turn (rotation vector) and way of a free root at the mean velocities, in its own axes.
 fn carried(robot: &Robot, time: f64, state: &[f64], change: &[f64]) -> [Vector3<f64>; 2] {

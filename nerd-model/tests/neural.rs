@@ -5,10 +5,8 @@
 mod common;
 
 use common::{POSITIONS, gap, model, placed};
-use nerd_model::base::Base;
-use nerd_model::features::Features;
 use nerd_model::prelude::*;
-use nerd_model::transformer::Positions;
+use nerd_model::{base::Base, features::Features, transformer::Positions};
 use nerd_sim::instruments::{Glide, Hold};
 
 const BOUND: f64 = 1e-5;

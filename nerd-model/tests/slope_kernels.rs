@@ -5,14 +5,12 @@ mod common;
 #[path = "../../nerd-sim/tests/cpp/mod.rs"]
 mod cpp;
 
-use nerd_model::base::Base;
 use nerd_model::device::{padded, settings, slope_program};
-use nerd_model::features::Features;
 use nerd_model::form::{Form, View};
-use nerd_model::neural::Neural;
 use nerd_model::normalizer::{Moments, Normalizer};
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
 use nerd_model::transformer::{Architecture, TransformerConfig};
+use nerd_model::{base::Base, features::Features, neural::Neural};
 use nerd_sim::articulated::device::{Reach, record};
 use nerd_sim::prelude::*;
 

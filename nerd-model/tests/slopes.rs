@@ -2,24 +2,14 @@
 
 mod common;
 
-use std::sync::Arc;
-
-use nalgebra::{UnitQuaternion, Vector3};
-use nerd_core::contact::ContactPoint;
-use nerd_core::dynamics::Data;
 use nerd_core::frames::own_velocity;
-use nerd_core::state::{quaternion, vector, write_quaternion};
-use nerd_model::base::Base;
-use nerd_model::features::Features;
 use nerd_model::form::{Form, View};
-use nerd_model::neural::Neural;
 use nerd_model::normalizer::{Moments, Normalizer};
 use nerd_model::slopes::{Seen, apply_back, token_back};
 use nerd_model::transformer::{Architecture, TransformerConfig};
 use nerd_model::trapezoid;
+use nerd_model::{base::Base, features::Features, neural::Neural};
 use nerd_sim::prelude::*;
-use nerd_sim::sampling::{Start, start, stream};
-use nerd_sim::scene::contacts;
 
 /// Numbers about 0 of about this size, always the same.
 fn some(n: usize, size: f64) -> Vec<f64> {

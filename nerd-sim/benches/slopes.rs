@@ -6,7 +6,6 @@ mod common;
 
 use common::*;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use nerd_sim::sampling::{Start, start, stream};
 use rand::RngExt;
 
 const ENVS: usize = 64;

@@ -6,8 +6,7 @@ mod cpp;
 use common::*;
 use cpp::Compiler;
 use nerd_sim::articulated::device::{Reach, Real, back_program, goes_back, packed, program, record};
-use nerd_sim::dataset::begin;
-use nerd_sim::drive::holding;
+use nerd_sim::{dataset::begin, drive::holding};
 
 /// How far kernels are from the solver after some frames: the largest difference of each environment's state, relative to 1 and to its
 /// size, and that of all forces, relative to the robot's weight.

@@ -5,12 +5,11 @@
 use std::fmt::Write;
 
 use nerd_sim::articulated::device::surfaces;
-use nerd_sim::system::System;
 
-use super::features::{INPUTS, QUICK, REACH};
-use super::layout::Chain;
-use super::step::OUTPUTS;
+use crate::prelude::*;
 use crate::program::op::padded;
+use super::features::{INPUTS, QUICK, REACH};
+use super::{layout::Chain, step::OUTPUTS};
 
 /// Numbers of a chain on a device: the gripper's twelve, directions of rods, their rates. So many are kept of an environment between the
 /// two kernels.

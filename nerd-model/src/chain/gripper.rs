@@ -1,7 +1,6 @@
 //! The gripper that leads a chain: its state, its motion within a frame, and the direction it points to.
 
-use nalgebra::Vector3;
-
+use crate::prelude::*;
 use super::Chain;
 
 /// State of a gripper; of an adjoint, the gradients by these numbers.

@@ -3,8 +3,7 @@
 //! With the outputs `a` and `r` of a rod and T the frame's time: `u = td + a`, `t' = |t + T (td + u) / 2 + r|` at unit length,
 //! `td' = u - t' (t' . u)`. The gripper's outputs count from where it glides to.
 
-use nalgebra::Vector3;
-
+use crate::prelude::*;
 use super::{Chain, Gripper, Rods};
 
 /// Outputs for a rod: change of rate (3), what of the direction is missed (3), and, of the first rod alone, what the

@@ -11,12 +11,10 @@ use std::fmt::Write;
 
 use nerd_sim::articulated::device::{Reach, Real, functions};
 
-use crate::base::Base;
 use crate::features::{Features, NEAR, waves};
 use crate::form::{Form, View};
-use crate::normalizer::Normalizer;
 use crate::prelude::*;
-use crate::program::Program;
+use crate::{base::Base, normalizer::Normalizer, program::Program};
 
 pub use crate::program::op::padded;
 pub use residual::held_in_f16;

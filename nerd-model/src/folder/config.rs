@@ -1,21 +1,17 @@
 //! `config.json`: what was learned, from what data and how. It is written last, so a folder that has it is complete.
 
-use std::collections::BTreeMap;
-use std::path::Path;
+use std::{collections::BTreeMap, path::Path};
 
 use nerd_sim::files::read_text;
-use nerd_sim::system::System;
-use nerd_sim::truth::Truth;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::error::{ModelError, wrong};
-use crate::base::Base;
-use crate::chain::{self, Chain};
-use crate::features::Features;
+use crate::chain::{Chain, self};
 use crate::form::{Form, View};
-use crate::program::config::usual;
+use crate::prelude::*;
 use crate::transformer::{Architecture, TransformerConfig};
+use crate::{base::Base, features::Features, program::config::usual};
+use super::error::{ModelError, wrong};
 
 /// What was learned, from what, how; `config.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -7,13 +7,12 @@
 mod config;
 mod error;
 
-use std::collections::HashMap;
-use std::path::Path;
+use std::{collections::HashMap, path::Path};
 
-use nerd_sim::files::write;
-use nerd_sim::range::within;
-use nerd_sim::system::System;
+use nerd_sim::{files::write, range::within};
 use sha2::{Digest, Sha256};
+
+use crate::prelude::*;
 
 pub use config::ModelConfig;
 pub use error::ModelError;

@@ -3,12 +3,10 @@
 // Each test file is a crate of its own and uses a part of this.
 #![allow(dead_code)]
 
-use nerd_model::base::Base;
-use nerd_model::features::Features;
 use nerd_model::folder::{Model, ModelConfig};
-use nerd_model::form::Form;
 use nerd_model::normalizer::{Moments, Normalizer};
 use nerd_model::transformer::{Positions, TransformerConfig, Weights};
+use nerd_model::{base::Base, features::Features, form::Form};
 use nerd_sim::prelude::*;
 
 /// Windows and streams.

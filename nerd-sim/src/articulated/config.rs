@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::range::within;
-use crate::system::{MOST_SUBSTEPS, Refresh, System};
+use crate::prelude::*;
+use crate::{range::within, system::MOST_SUBSTEPS};
 
 /// Integrator of contact-free environments; those with contact use symplectic Euler.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -17,12 +17,11 @@
 //! turned by [`WHIRL`] in a substep, a point or a limit that came or left, repetition without an end. All other frames, and explicit presets,
 //! are as they were.
 
-use nerd_core::dynamics::{kinematics, to_local, velocities};
+use nerd_core::dynamics::{to_local, velocities};
 
+use crate::prelude::*;
+use crate::{scene::place, solver::gone};
 use super::workspace::Workspace;
-use crate::scene::{Scene, place};
-use crate::solver::gone;
-use crate::system::System;
 
 /// Share of a frame's energy that it may gain.
 pub(super) const SHARE: f64 = 1e-5;

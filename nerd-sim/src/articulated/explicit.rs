@@ -1,17 +1,10 @@
 //! A frame of explicit substeps: symplectic Euler, or Runge-Kutta where there is nothing to touch.
 
-use nalgebra::{UnitQuaternion, Vector3};
-use nerd_core::dynamics::{bias, crba, kinematics, kinematics_about, move_twist, root_position, to_local, to_world, velocities};
-use nerd_core::robot::Robot;
-use nerd_core::spatial::Wrench;
-use nerd_core::state::{quaternion, vector, write_quaternion};
+use nerd_core::dynamics::{bias, crba, kinematics_about, move_twist, root_position, to_local, to_world, velocities};
 
-use super::config::{ArticulatedConfig, Integrator};
-use super::force::force;
-use super::workspace::Workspace;
-use crate::scene::Scene;
+use crate::prelude::*;
 use crate::solver::gone;
-use crate::system::{Refresh, System};
+use super::{force::force, workspace::Workspace};
 
 /// How far (m) beyond its own way in a frame, at twice its speed, a point may come within the frame.
 const BEYOND: f64 = 0.1;

@@ -1,19 +1,9 @@
 //! One frame of one environment: explicit substeps, or implicit ones where they are asked for or something is too stiff.
 
-use std::sync::Arc;
-
-use nalgebra::Vector3;
-use nerd_core::spatial::Wrench;
-
-use super::config::{ArticulatedConfig, ContactStep, Settings};
-use super::energy::{FINEST, WHIRL_RK4};
-use super::kept::Kept;
-use super::stiff::Bounds;
-use super::workspace::Workspace;
-use crate::drive::Drive;
-use crate::scene::Scene;
+use crate::prelude::*;
 use crate::solver::parallel::Frame;
-use crate::system::System;
+use super::energy::{FINEST, WHIRL_RK4};
+use super::{config::Settings, kept::Kept, stiff::Bounds, workspace::Workspace};
 
 impl Frame for Workspace {
     type Config = Settings;

@@ -28,22 +28,12 @@
 //! ([`crate::drive`]) may pull, until its effort holds it at a constant force. A touch couples only the joints above it, so the matrix keeps the
 //! tree's zeros and the factorisation its cost. A frame that gives energy is stepped again, finer (`energy.rs`). Where chains are long, the same equations are solved along the tree (`along.rs`).
 
-use nalgebra::UnitQuaternion;
-use nerd_core::dynamics::{crba, kinematics, to_local, to_world};
-use nerd_core::robot::{Joint, Robot};
-use nerd_core::state::{quaternion, vector, write_quaternion};
+use nerd_core::dynamics::{crba, to_local, to_world};
 
-use super::along::Tree;
-use super::config::{ArticulatedConfig, Friction};
-use super::energy::WHIRL;
-use super::fold::fold;
-use super::kick::Substep;
-use super::touch::{Contact, EVEN, Touch, ahead};
-use super::touches::Touches;
-use super::workspace::Workspace;
-use crate::scene::Scene;
+use crate::prelude::*;
 use crate::solver::gone;
-use crate::system::System;
+use super::touch::{Contact, EVEN, Touch, ahead};
+use super::{along::Tree, energy::WHIRL, fold::fold, kick::Substep, touches::Touches, workspace::Workspace};
 
 /// Largest share of `h k` by which a joint's spring is damped.
 pub(super) const CALM: f64 = 0.5;

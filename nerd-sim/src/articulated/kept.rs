@@ -1,9 +1,9 @@
 //! What a frame keeps of its substeps for the way back.
 
-use nerd_core::dynamics::{Data, Factor};
+use nerd_core::dynamics::Factor;
 
-use super::touch::Touch;
-use super::touches::Touches;
+use crate::prelude::*;
+use super::{touch::Touch, touches::Touches};
 
 /// Of a frame.
 #[derive(Default)]

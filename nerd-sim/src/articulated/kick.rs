@@ -1,16 +1,11 @@
 //! The change of velocity over a substep of the implicit step, by repeated solves.
 
-use nalgebra::{DVector, Vector3};
-use nerd_core::dynamics::{Data, bias};
-use nerd_core::robot::Robot;
-use nerd_core::state::vector;
+use nalgebra::DVector;
+use nerd_core::dynamics::bias;
 
-use super::config::{ArticulatedConfig, Friction};
+use crate::prelude::*;
 use super::touch::{Contact, Touch};
-use super::touches::Touches;
-use super::workspace::Workspace;
-use crate::scene::Scene;
-use crate::system::System;
+use super::{touches::Touches, workspace::Workspace};
 
 /// Solves of a substep at most.
 pub(super) const PASSES: usize = 6;

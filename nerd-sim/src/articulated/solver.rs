@@ -1,12 +1,9 @@
 //! The solver over a batch.
 
-use super::config::{ArticulatedConfig, Settings};
+use crate::prelude::*;
+use crate::{solver::Slopes, solver::parallel::Parallel};
 use super::kick::{PASSES, SETTLED};
-use super::slopes::covered;
-use super::workspace::Workspace;
-use crate::batch::Batch;
-use crate::solver::parallel::Parallel;
-use crate::solver::{Capabilities, Slopes, Solver, StepError};
+use super::{config::Settings, slopes::covered, workspace::Workspace};
 
 /// Articulated dynamics as a [`Solver`]. Remembers nothing of an environment between frames.
 pub struct Articulated {

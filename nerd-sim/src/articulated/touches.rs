@@ -1,12 +1,9 @@
 //! Working memory of the implicit step.
 
-use nalgebra::{DMatrix, Vector3};
-use nerd_core::robot::Robot;
+use nalgebra::DMatrix;
 
-use super::along::Tree;
-use super::touch::Touch;
-use crate::scene::Scene;
-use crate::system::System;
+use crate::prelude::*;
+use super::{along::Tree, touch::Touch};
 
 /// Working memory.
 pub(super) struct Touches {

@@ -14,7 +14,7 @@ pub(crate) use check::{finish, sound};
 pub use refusal::{Capabilities, Fault, StepError};
 pub use slopes::Slopes;
 
-use crate::batch::Batch;
+use crate::prelude::*;
 
 /// Advances every environment of a batch by one control frame. It can be sent to another thread, and so can a [`Simulation`].
 pub trait Solver: Send {

@@ -1,6 +1,6 @@
 //! What a solver can do beside stepping states, and why it could not step.
 
-use crate::batch::Batch;
+use crate::prelude::*;
 
 /// What a solver can do beside stepping states; ask [`super::Solver::capabilities`] before the first step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,14 +1,11 @@
 //! Slopes of a frame against central differences, on states that random torques visit.
 
-use std::sync::Arc;
-
 use nerd_core::tangent::{difference, moved};
 use nerd_sim::prelude::*;
-use nerd_sim::sampling::{Start, start, stream};
 use rand::RngExt;
 
-use super::common::differences::*;
 use super::common::*;
+use super::common::differences::*;
 
 /// Largest error of a cable's slopes, whose light links turn rounding into more.
 const LIGHT: f64 = 1e-5;

@@ -11,11 +11,11 @@ mod matrix;
 mod neighbours;
 
 pub(crate) use attend::Ring;
+use attend::Attention;
+use elementwise::normalize;
 use matrix::Matrix;
 
 use super::{Op, Program, Slot, Weight};
-use attend::Attention;
-use elementwise::normalize;
 
 /// A program with weights.
 #[derive(Default)]

@@ -5,22 +5,16 @@
 
 use std::fmt::Write;
 
-use nerd_core::contact::Locus;
 use nerd_core::dynamics::Factor;
-use nerd_core::robot::{Base, JointKind, Robot};
 
+use crate::prelude::*;
+use crate::system::capsules::{BARREL, Capsule};
 use super::super::energy::{FALL, FINEST, LABOUR, SHARE, WHIRL, WHIRL_RK4};
-use super::super::fold::FOLLOWED;
 use super::super::implicit::{CALM, HALVINGS};
 use super::super::kick::{LOST as FAR_OFF, OFF, PASSES, SETTLED};
 use super::super::stiff::{Bounds, MOST, MOST_DRAG, MOST_RK4, POWERS};
 use super::super::touch::{CREEP, EVEN};
-use super::super::{ArticulatedConfig, ContactStep, Friction, Integrator, Refresh, along};
-use crate::batch::Batch;
-use crate::drive::Drive;
-use crate::scene::Scene;
-use crate::system::System;
-use crate::system::capsules::{BARREL, Capsule};
+use super::{super::along, super::fold::FOLLOWED};
 
 const KERNELS: [&str; 13] = [
     include_str!("linear.cuh"),

@@ -1,18 +1,12 @@
 //! Frames of a batch that stays on a device, for any solver there.
 
-use std::sync::Arc;
-
-use nalgebra::Vector3;
 use nerd_cuda::{Device, DeviceError};
 
-use super::motion::Motion;
-use super::program::{Reach, fault};
-use super::rows::Rows;
-use super::scenes::take;
-use crate::batch::Batch;
+use crate::prelude::*;
 use crate::solver::device::{Back, Held, Resident, Trail, acting, failed};
-use crate::solver::{Capabilities, Fault, Slopes, Solver, StepError, finish, sound};
-use crate::system::System;
+use crate::solver::{Fault, Slopes, finish, sound};
+use super::program::{Reach, fault};
+use super::{motion::Motion, rows::Rows, scenes::take};
 
 impl<M: Motion> Resident for OnDevice<M> {
     fn hold(&mut self, batch: &Batch) -> Result<(), StepError> {

@@ -2,11 +2,10 @@
 
 use nalgebra::Quaternion;
 
-use super::super::kept::Flown;
-use super::super::memory::{Flight, Memory};
-use super::numbers::Layout;
-use super::row::{Row, set};
 use crate::prelude::*;
+use super::row::{Row, set};
+use super::super::memory::{Flight, Memory};
+use super::{numbers::Layout, super::kept::Flown};
 
 impl Row {
     /// Back over the frame's substeps.

@@ -1,11 +1,8 @@
 //! Slopes of what touches do in a substep, by what they see: the laws of `touch.rs`, line by line.
 
-use nalgebra::{Matrix3, Vector3};
-
-use super::super::config::Friction;
+use crate::prelude::*;
 use super::super::force::Drag;
 use super::super::touch::{CREEP, Contact, DryFriction, EVEN, Spring, inside};
-use crate::scene::Material;
 
 /// What a touch's law is asked at, beside itself.
 #[derive(Clone, Copy)]

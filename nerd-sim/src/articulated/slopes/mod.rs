@@ -9,7 +9,6 @@ mod stage;
 mod weigh;
 
 use nerd_core::dynamics::{crba, motions, motions_back};
-
 use numbers::Numbers;
 pub use numbers::numbers;
 use row::Row;

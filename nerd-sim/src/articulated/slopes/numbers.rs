@@ -1,7 +1,5 @@
 //! The numbers of a robot and its scene that slopes are by, in one row.
 
-use nerd_core::spatial::Motion;
-
 use crate::prelude::*;
 
 /// Where each is. Of every link its mass (kg), centre of mass (m), inertia about that (kg m^2, nine numbers) and where its joint is on the link

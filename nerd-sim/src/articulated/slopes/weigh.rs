@@ -2,15 +2,10 @@
 
 use nerd_core::dynamics::onto;
 
-use super::super::implicit::Damped;
-use super::super::kept::Step;
-use super::super::memory::Memory;
-use super::super::touch::{Contact, Touch};
-use super::super::workspace::Workspace;
-use super::numbers::{ARMATURE, DAMPING, NORMAL};
-use super::row::Row;
-use super::stage::Place;
 use crate::prelude::*;
+use super::numbers::{ARMATURE, DAMPING, NORMAL};
+use super::super::touch::{Contact, Touch};
+use super::{row::Row, stage::Place, super::implicit::Damped, super::kept::Step, super::memory::Memory, super::workspace::Workspace};
 
 /// What is pushed to find a weight.
 enum Pushed<'a> {
