@@ -2,7 +2,7 @@
 
 use std::sync::Mutex;
 
-use cudarc::nvrtc::{CompileOptions, Ptx, self};
+use cudarc::nvrtc::{self, CompileOptions, Ptx};
 
 use crate::error::DeviceError;
 

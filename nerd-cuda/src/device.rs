@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::{cell::RefCell, collections::HashMap, sync::Arc};
 
 use cudarc::cublas::{CudaBlas, sys as blas};
-use cudarc::driver::{CudaContext, CudaEvent, CudaFunction, CudaGraph, CudaStream, self, sys};
+use cudarc::driver::{self, CudaContext, CudaEvent, CudaFunction, CudaGraph, CudaStream, sys};
 use cudarc::nvrtc;
 
 use crate::error::{DeviceError, failed};

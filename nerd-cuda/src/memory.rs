@@ -2,7 +2,7 @@
 
 use std::{marker::PhantomData, sync::Arc};
 
-use cudarc::driver::{CudaContext, self};
+use cudarc::driver::{self, CudaContext};
 
 use crate::error::{DeviceError, failed};
 

@@ -6,7 +6,9 @@ use std::collections::HashMap;
 use nalgebra::DMatrix;
 use nerd_model::BurnDevice;
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
-use nerd_model::transformer::{Architecture, BurnForward, Forward, PackedForward, PackedStream, Positions, Storage, Stream, TransformerConfig, Weights, Windowed};
+use nerd_model::transformer::{
+    Architecture, BurnForward, Forward, PackedForward, PackedStream, Positions, Storage, Stream, TransformerConfig, Weights, Windowed,
+};
 
 const SMALL: TransformerConfig = TransformerConfig {
     inputs: 5,

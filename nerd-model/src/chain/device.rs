@@ -6,10 +6,10 @@ use std::fmt::Write;
 
 use nerd_sim::articulated::device::surfaces;
 
-use crate::prelude::*;
-use crate::program::op::padded;
 use super::features::{INPUTS, QUICK, REACH};
 use super::{layout::Chain, step::OUTPUTS};
+use crate::prelude::*;
+use crate::program::op::padded;
 
 /// Numbers of a chain on a device: the gripper's twelve, directions of rods, their rates. So many are kept of an environment between the
 /// two kernels.

@@ -10,8 +10,8 @@
 //!
 //! All in world axes, with r the rods' radius and d measured from their surface. A token does not hold the chain's position.
 
-use crate::prelude::*;
 use super::{Chain, Gripper, Rods};
+use crate::prelude::*;
 
 /// Numbers of a token.
 pub const INPUTS: usize = 30;

@@ -5,11 +5,11 @@
 use nerd_sim::solver::{Fault, check, commit};
 use rayon::prelude::*;
 
+use super::{Chain, Look, NoChain, OUTPUTS, Outputs};
 use crate::normalizer::{Moments, Normalizer};
 use crate::prelude::*;
 use crate::program::cpu::{Loaded, Memory, Pass};
 use crate::transformer::Weights;
-use super::{Chain, Look, NoChain, OUTPUTS, Outputs};
 
 /// A chain's network as a [`Solver`].
 pub struct ChainSolver {

@@ -5,10 +5,10 @@ use std::borrow::Cow;
 
 use half::f16;
 
+use super::whole::{Products, Whole, defined};
 use crate::program::Program;
 use crate::program::config::{Architecture, TransformerConfig};
 use crate::program::op::{Slot, padded};
-use super::whole::{Products, Whole, defined};
 
 /// Rows of a block, and its warps: the sums of a pass are in registers, and a block reads every weight once.
 const ROWS: usize = 64;

@@ -6,12 +6,12 @@ use nerd_sim::files::read_text;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use crate::chain::{Chain, self};
+use super::error::{ModelError, wrong};
+use crate::chain::{self, Chain};
 use crate::form::{Form, View};
 use crate::prelude::*;
 use crate::transformer::{Architecture, TransformerConfig};
 use crate::{base::Base, features::Features, program::config::usual};
-use super::error::{ModelError, wrong};
 
 /// What was learned, from what, how; `config.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

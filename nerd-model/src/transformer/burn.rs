@@ -2,9 +2,9 @@
 
 use burn::tensor::{Device, Int, Tensor, TensorData};
 
-use crate::{program::BurnNetwork, program::config::TransformerConfig};
 use super::forward::{Forward, ForwardError, check};
 use super::weights::Weights;
+use crate::{program::BurnNetwork, program::config::TransformerConfig};
 
 /// A network on a device of burn.
 pub struct BurnForward {

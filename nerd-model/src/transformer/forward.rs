@@ -5,9 +5,9 @@
 
 use rayon::prelude::*;
 
+use super::weights::Weights;
 use crate::program::config::{Positions, TransformerConfig};
 use crate::program::cpu::{Loaded, Memory, Pass};
-use super::weights::Weights;
 
 /// Evaluates a network on windows; what computes it is the implementer's business.
 pub trait Forward: Send {

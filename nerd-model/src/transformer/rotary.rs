@@ -6,11 +6,11 @@
 use pulp::Arch;
 use rayon::prelude::*;
 
-use crate::program::config::{Positions, TransformerConfig};
-use crate::program::cpu::{Loaded, Memory, Pass, Ring};
 use super::forward::{ForwardError, ROWS, even};
 use super::stream::{Stream, check};
 use super::weights::Weights;
+use crate::program::config::{Positions, TransformerConfig};
+use crate::program::cpu::{Loaded, Memory, Pass, Ring};
 
 /// A network that remembers.
 pub struct PackedStream {

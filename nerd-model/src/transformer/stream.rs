@@ -1,7 +1,7 @@
 //! The frame-by-frame interface of a network, and an adapter for engines of whole windows.
 
-use crate::program::config::TransformerConfig;
 use super::forward::{Forward, ForwardError};
+use crate::program::config::TransformerConfig;
 
 /// Evaluates a network one frame at a time, remembering what it needs of the frames before.
 ///

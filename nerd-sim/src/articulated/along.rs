@@ -6,8 +6,8 @@
 use nalgebra::Matrix6;
 use nerd_core::dynamics::{TreeFactor, inertias};
 
-use crate::prelude::*;
 use super::touch::Contact;
+use crate::prelude::*;
 
 /// From so many products a DoF of the matrix's factor on, the tree is taken. Chosen by the clock, between quadrupeds with legs of three joints,
 /// which gain little or lose, and humanoids and chains of twenty hinges, which gain.

@@ -19,9 +19,9 @@
 
 use nerd_core::dynamics::{to_local, velocities};
 
+use super::workspace::Workspace;
 use crate::prelude::*;
 use crate::{scene::place, solver::gone};
-use super::workspace::Workspace;
 
 /// Share of a frame's energy that it may gain.
 pub(super) const SHARE: f64 = 1e-5;

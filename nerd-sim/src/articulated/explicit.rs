@@ -2,9 +2,9 @@
 
 use nerd_core::dynamics::{bias, crba, kinematics_about, move_twist, root_position, to_local, to_world, velocities};
 
+use super::{force::force, workspace::Workspace};
 use crate::prelude::*;
 use crate::solver::gone;
-use super::{force::force, workspace::Workspace};
 
 /// How far (m) beyond its own way in a frame, at twice its speed, a point may come within the frame.
 const BEYOND: f64 = 0.1;

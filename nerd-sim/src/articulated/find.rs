@@ -2,9 +2,9 @@
 
 use nerd_core::dynamics::velocities;
 
-use crate::prelude::*;
 use super::touch::{Contact, DryFriction, Spring, Touch, inside, part_of};
 use super::{touches::Touches, workspace::Workspace};
+use crate::prelude::*;
 
 impl Workspace {
     /// The points and limits that are beyond their surface in some part of the substep in whose middle they are now.

@@ -1,9 +1,9 @@
 //! One frame of one environment: explicit substeps, or implicit ones where they are asked for or something is too stiff.
 
-use crate::prelude::*;
-use crate::solver::parallel::Frame;
 use super::energy::{FINEST, WHIRL_RK4};
 use super::{config::Settings, kept::Kept, stiff::Bounds, workspace::Workspace};
+use crate::prelude::*;
+use crate::solver::parallel::Frame;
 
 impl Frame for Workspace {
     type Config = Settings;

@@ -30,10 +30,10 @@
 
 use nerd_core::dynamics::{crba, to_local, to_world};
 
-use crate::prelude::*;
-use crate::solver::gone;
 use super::touch::{Contact, EVEN, Touch, ahead};
 use super::{along::Tree, energy::WHIRL, fold::fold, kick::Substep, touches::Touches, workspace::Workspace};
+use crate::prelude::*;
+use crate::solver::gone;
 
 /// Largest share of `h k` by which a joint's spring is damped.
 pub(super) const CALM: f64 = 0.5;

@@ -2,8 +2,8 @@
 
 use nerd_core::dynamics::Factor;
 
-use crate::prelude::*;
 use super::{touch::Touch, touches::Touches};
+use crate::prelude::*;
 
 /// Of a frame.
 #[derive(Default)]

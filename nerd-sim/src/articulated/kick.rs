@@ -3,9 +3,9 @@
 use nalgebra::DVector;
 use nerd_core::dynamics::bias;
 
-use crate::prelude::*;
 use super::touch::{Contact, Touch};
 use super::{touches::Touches, workspace::Workspace};
+use crate::prelude::*;
 
 /// Solves of a substep at most.
 pub(super) const PASSES: usize = 6;

@@ -3,8 +3,8 @@
 use nalgebra::DMatrix;
 use nerd_core::dynamics::Adjoint;
 
-use crate::prelude::*;
 use super::kept::Kept;
+use crate::prelude::*;
 
 /// Working memory of the way back.
 pub(super) struct Memory {

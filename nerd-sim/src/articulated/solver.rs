@@ -1,9 +1,9 @@
 //! The solver over a batch.
 
-use crate::prelude::*;
-use crate::{solver::Slopes, solver::parallel::Parallel};
 use super::kick::{PASSES, SETTLED};
 use super::{config::Settings, slopes::covered, workspace::Workspace};
+use crate::prelude::*;
+use crate::{solver::Slopes, solver::parallel::Parallel};
 
 /// Articulated dynamics as a [`Solver`]. Remembers nothing of an environment between frames.
 pub struct Articulated {

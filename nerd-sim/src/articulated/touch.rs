@@ -1,7 +1,7 @@
 //! Touches of the implicit step, by kind: contact, limit, friction, drive.
 
-use crate::prelude::*;
 use super::force::drag;
+use crate::prelude::*;
 
 /// Velocity (rad/s or m/s) below which dry friction holds, as a drag: what it holds creeps.
 pub(super) const CREEP: f64 = 1e-3;

@@ -2,8 +2,8 @@
 
 use nalgebra::DMatrix;
 
-use crate::prelude::*;
 use super::{along::Tree, touch::Touch};
+use crate::prelude::*;
 
 /// Working memory.
 pub(super) struct Touches {

@@ -2,9 +2,9 @@
 
 use nerd_core::dynamics::{Factor, velocities};
 
-use crate::prelude::*;
 use super::stiff::{Bounds, Stiff};
 use super::{kept::Kept, memory::Memory, touches::Touches};
+use crate::prelude::*;
 
 /// Working memory of one environment at a time; nothing in it outlives a frame.
 pub(super) struct Workspace {

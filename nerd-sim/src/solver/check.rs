@@ -2,8 +2,8 @@
 
 use nerd_core::state::wrap_state;
 
-use crate::prelude::*;
 use super::refusal::Fault;
+use crate::prelude::*;
 
 /// Refuses a batch or torques of other lengths than the system needs, and what takes more than [`Capabilities::default`]; finds
 /// environments whose state or torque is not a number, or whose scene is none.

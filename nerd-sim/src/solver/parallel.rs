@@ -6,9 +6,9 @@ use std::sync::{Mutex, PoisonError};
 use nerd_core::state::wrap_state;
 use rayon::prelude::*;
 
-use crate::prelude::*;
 use super::check::{finish, gone, sound};
 use super::{refusal::Fault, slopes::Slopes};
+use crate::prelude::*;
 
 /// Working memory that advances one environment at a time by one frame; nothing in it outlives a frame.
 pub(crate) trait Frame: Send + Sized {

@@ -4,8 +4,8 @@ use nerd_core::tangent::{difference, moved};
 use nerd_sim::prelude::*;
 use rand::RngExt;
 
-use super::common::*;
 use super::common::differences::*;
+use super::common::*;
 
 /// Largest error of a cable's slopes, whose light links turn rounding into more.
 const LIGHT: f64 = 1e-5;

@@ -5,8 +5,8 @@ use std::f32::consts::FRAC_1_SQRT_2;
 
 use pulp::Arch;
 
-use crate::program::Activation;
 use super::elementwise::{at_least, erf, erf_and_bell, exp};
+use crate::program::Activation;
 
 /// `y = f(x)`. The memory of x is that of y afterwards, or, of a gelu whose way back is asked for, holds its gradient.
 pub fn forward(f: Activation, keep: bool, x: &mut Vec<f32>, y: &mut Vec<f32>) {

@@ -2,9 +2,9 @@
 //!
 //! Of `y = x W'`, `W' = diag(w) W`: `dx = dy W'^T`, `dW' = x^T dy`, `dW = diag(w) dW'` and `dw_i = sum_j dW'_ij W_ij`.
 
-use crate::program::{Op, Step, Weight};
 use super::elementwise::{normalize_back, sum_rows};
 use super::{Loaded, Matrix, Memory, activate, neighbours, taken};
+use crate::program::{Op, Step, Weight};
 
 impl Loaded {
     /// Turns the matrices that the way back asks for. Threads that ask for one at the same time would wait for each other.

@@ -10,8 +10,8 @@ mod elementwise;
 mod matrix;
 mod neighbours;
 
-pub(crate) use attend::Ring;
 use attend::Attention;
+pub(crate) use attend::Ring;
 use elementwise::normalize;
 use matrix::Matrix;
 

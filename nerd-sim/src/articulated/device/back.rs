@@ -5,9 +5,9 @@
 //! again. Kept are eight times the substeps of the settings; a frame that its energy asks to be finer than that (`energy.rs`) is a fault of its environment. In
 //! 32 bits and with eight substeps a thread needs `29496` bytes for an Ant and `33848` for an ANYmal.
 
+use super::program::{Reach, Real, deep, functions};
 use crate::articulated::slopes::covered;
 use crate::prelude::*;
-use super::program::{Reach, Real, deep, functions};
 
 const KERNELS: [&str; 6] = [
     include_str!("adjoint.cuh"),

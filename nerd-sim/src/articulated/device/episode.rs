@@ -2,9 +2,9 @@
 
 use std::fmt::Write;
 
+use super::program::{Reach, Real, flag, functions, number, record, table, whole};
 use crate::prelude::*;
 use crate::system::start::{DRAWS, Start, least_clearance};
-use super::program::{Reach, Real, flag, functions, number, record, table, whole};
 
 /// The random numbers of ChaCha8, as `rand` makes them of it: `chacha8` and `unit`.
 pub const RANDOM: &str = include_str!("random.cuh");

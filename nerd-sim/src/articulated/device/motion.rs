@@ -2,9 +2,9 @@
 
 use nerd_cuda::{Device, DeviceError};
 
+use super::program::Reach;
 use crate::prelude::*;
 use crate::solver::device::{Back, Held, Trail};
-use super::program::Reach;
 
 /// Environments of a block: a full warp, since an access of local memory costs as much for fewer; no more, so that a small batch spreads
 /// over the whole device. Measured on an H200 with 2 to 64.

@@ -7,14 +7,14 @@ use std::fmt::Write;
 
 use nerd_core::dynamics::Factor;
 
-use crate::prelude::*;
-use crate::system::capsules::{BARREL, Capsule};
 use super::super::energy::{FALL, FINEST, LABOUR, SHARE, WHIRL, WHIRL_RK4};
 use super::super::implicit::{CALM, HALVINGS};
 use super::super::kick::{LOST as FAR_OFF, OFF, PASSES, SETTLED};
 use super::super::stiff::{Bounds, MOST, MOST_DRAG, MOST_RK4, POWERS};
 use super::super::touch::{CREEP, EVEN};
 use super::{super::along, super::fold::FOLLOWED};
+use crate::prelude::*;
+use crate::system::capsules::{BARREL, Capsule};
 
 const KERNELS: [&str; 13] = [
     include_str!("linear.cuh"),

@@ -2,11 +2,11 @@
 
 use nerd_cuda::{Device, DeviceError};
 
+use super::program::{Reach, fault};
+use super::{motion::Motion, rows::Rows, scenes::take};
 use crate::prelude::*;
 use crate::solver::device::{Back, Held, Resident, Trail, acting, failed};
 use crate::solver::{Fault, Slopes, finish, sound};
-use super::program::{Reach, fault};
-use super::{motion::Motion, rows::Rows, scenes::take};
 
 impl<M: Motion> Resident for OnDevice<M> {
     fn hold(&mut self, batch: &Batch) -> Result<(), StepError> {

@@ -2,10 +2,10 @@
 
 use nerd_cuda::{Buffer, Device, DeviceError, Replay};
 
+use super::{motion::Motion, program::fault};
 use crate::prelude::*;
 use crate::solver::device::{Back, Held, Trail, failed};
 use crate::solver::{Fault, Slopes};
-use super::{motion::Motion, program::fault};
 
 /// Memory for so many gradients of each environment.
 pub(super) struct Rows {

@@ -2,9 +2,9 @@
 
 use nerd_cuda::Device;
 
+use super::program::{Reach, packed, record};
 use crate::prelude::*;
 use crate::solver::device::{Held, failed};
-use super::program::{Reach, packed, record};
 
 /// Takes over a batch and its torques, of which so many columns act.
 pub(super) fn take(

@@ -3,12 +3,12 @@
 use nerd_cuda::Arg::{Int, Ptr};
 use nerd_cuda::{Device, DeviceError};
 
-use crate::prelude::*;
-use crate::solver::device::{Back, Held, Trail, failed};
 use super::back::{back_program, goes_back};
 use super::motion::{BLOCK, Motion};
 use super::program::{Reach, Real, program};
 use super::roll::OnDevice;
+use crate::prelude::*;
+use crate::solver::device::{Back, Held, Trail, failed};
 
 /// [`super::super::Articulated`] on a GPU, one thread an environment: the same frame, the same settings, any robot.
 ///

@@ -2,10 +2,10 @@
 
 use nalgebra::Quaternion;
 
-use crate::prelude::*;
-use super::row::{Row, set};
 use super::super::memory::{Flight, Memory};
-use super::{numbers::Layout, super::kept::Flown};
+use super::row::{Row, set};
+use super::{super::kept::Flown, numbers::Layout};
+use crate::prelude::*;
 
 impl Row {
     /// Back over the frame's substeps.

@@ -1,8 +1,8 @@
 //! Slopes of what touches do in a substep, by what they see: the laws of `touch.rs`, line by line.
 
-use crate::prelude::*;
 use super::super::force::Drag;
 use super::super::touch::{CREEP, Contact, DryFriction, EVEN, Spring, inside};
+use crate::prelude::*;
 
 /// What a touch's law is asked at, beside itself.
 #[derive(Clone, Copy)]

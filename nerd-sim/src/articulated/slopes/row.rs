@@ -4,8 +4,8 @@ use nalgebra::Rotation3;
 use nerd_core::dynamics::{Adjoint, onto};
 use nerd_core::frames::own_velocity;
 
-use crate::prelude::*;
 use super::numbers::{Numbers, ORIGIN};
+use crate::prelude::*;
 
 /// Gradients by what a substep begins with. Those by the pose and velocity of a floating root are in world axes: by a turn, by a way of its
 /// origin, by its angular velocity, by that of its origin.

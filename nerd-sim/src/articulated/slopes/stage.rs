@@ -3,13 +3,13 @@
 use nalgebra::DVector;
 use nerd_core::dynamics::{Adjoint, bias, motions};
 
-use crate::prelude::*;
+use super::super::kept::{Stage, Step};
+use super::super::touch::{Contact, Touch};
 use super::law::{At, ContactLaw, JointLaw};
 use super::numbers::{ARMATURE, FRICTION, Layout, NORMAL, OFFSET};
 use super::row::{Row, set};
-use super::super::kept::{Stage, Step};
-use super::super::touch::{Contact, Touch};
 use super::{super::find::above, super::memory::Memory, super::workspace::Workspace};
+use crate::prelude::*;
 
 /// What acts in a stage.
 #[allow(clippy::large_enum_variant)] // Most are contacts.

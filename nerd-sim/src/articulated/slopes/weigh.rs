@@ -2,10 +2,10 @@
 
 use nerd_core::dynamics::onto;
 
-use crate::prelude::*;
-use super::numbers::{ARMATURE, DAMPING, NORMAL};
 use super::super::touch::{Contact, Touch};
-use super::{row::Row, stage::Place, super::implicit::Damped, super::kept::Step, super::memory::Memory, super::workspace::Workspace};
+use super::numbers::{ARMATURE, DAMPING, NORMAL};
+use super::{super::implicit::Damped, super::kept::Step, super::memory::Memory, super::workspace::Workspace, row::Row, stage::Place};
+use crate::prelude::*;
 
 /// What is pushed to find a weight.
 enum Pushed<'a> {
