@@ -4,7 +4,7 @@ mod common;
 mod cpp;
 
 use common::*;
-use cpp::Compiler;
+use cpp::{Compiler, bytes, doubles};
 use nerd_sim::articulated::device::{Reach, Real, back_program, goes_back, packed, program, record};
 use nerd_sim::{dataset::begin, drive::holding};
 
@@ -37,19 +37,14 @@ impl Case {
         program(&self.batch.system, &self.config, real, Reach::of(&self.batch))
     }
 
-    /// What a program reads: with so many frames or rows, and numbers at its end.
-    fn input(&self, count: usize, last: &[f64]) -> Vec<u8> {
-        let (batch, n) = (&self.batch, self.batch.len());
-        let mut input: Vec<u8> = [n, count, n].iter().flat_map(|x| (*x as i32).to_le_bytes()).collect();
-        let mut numbers = |values: &[f64]| input.extend(values.iter().flat_map(|x| x.to_le_bytes()));
-        numbers(&batch.states);
-        numbers(&self.torques);
-        for scene in &batch.scenes {
-            numbers(&record(scene, &batch.system, &self.config, Reach::of(batch)).expect("a scene with kernels"));
-        }
-        input.extend((0..n as i32).flat_map(i32::to_le_bytes));
-        input.extend(last.iter().flat_map(|x| x.to_le_bytes()));
-        input
+    /// What kernels read: states, torques, scenes, whose each is, drives.
+    fn buffers(&self) -> Vec<Vec<u8>> {
+        let (batch, n) = (&self.batch, self.batch.len() as i32);
+        let record = |scene| record(scene, &batch.system, &self.config, Reach::of(batch)).expect("a scene with kernels");
+        let scenes: Vec<f64> = batch.scenes.iter().flat_map(|scene| record(scene)).collect();
+        let numbers = [&batch.states, &self.torques, &scenes].map(|numbers| bytes(numbers, f64::to_le_bytes));
+        let whose = bytes(&Vec::from_iter(0..n), i32::to_le_bytes);
+        numbers.into_iter().chain([whose, bytes(&packed(&batch.drives), f64::to_le_bytes)]).collect()
     }
 
     fn apart(&self, compiler: &Compiler, real: Real, frames: usize) -> Apart {
@@ -58,13 +53,12 @@ impl Case {
 
     fn apart_by(&self, compiler: &Compiler, text: &str, frames: usize) -> Apart {
         let (mut batch, system, n) = (self.batch.clone(), &self.batch.system, self.batch.len());
-        let output = compiler.run(text, self.input(frames, &packed(&batch.drives)));
         let (d, points) = (system.robot.state_dim(), system.robot.contact_points.len());
-        assert_eq!(output.len(), 8 * n * d + 4 * n + 24 * n * points);
-        let (states, rest) = output.split_at(8 * n * d);
-        let (faults, forces) = rest.split_at(4 * n);
-        assert!(faults.iter().all(|byte| *byte == 0), "faults {faults:?}");
-        let (states, forces) = (doubles(states), doubles(forces));
+        let kernel = format!("advance(b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], {n}, {frames}, 1);");
+        let buffers = [self.buffers(), [24 * n * points, 4 * n, 4 * n].map(|size| vec![0; size]).into()].concat();
+        let found = compiler.launch(text, &format!("for (; blockIdx.x < {n}; blockIdx.x++) {kernel}"), &buffers);
+        assert!(found[6].iter().all(|byte| *byte == 0), "faults {:?}", found[6]);
+        let (states, forces) = (doubles(&found[0]), doubles(&found[5]));
         assert!(states.iter().chain(&forces).all(|x| x.is_finite()));
         batch.watch();
         let mut solver = Articulated::new(self.config);
@@ -77,10 +71,6 @@ impl Case {
             forces: forces.iter().zip(told).map(|(a, b)| (a - b).abs() / (weight + b.abs())).fold(0.0, f64::max),
         }
     }
-}
-
-fn doubles(bytes: &[u8]) -> Vec<f64> {
-    bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect()
 }
 
 /// Random starts of a built-in robot a while later, until most of them touch something; torques of an eighth of the gain.
@@ -316,19 +306,19 @@ fn back_apart(case: &Case, compiler: &Compiler, real: Real) -> Vec<f64> {
     let (n, d, wide, joints) = (batch.len(), robot.state_dim(), 2 * robot.nv(), robot.joint_count());
     let by: Vec<f64> = (0..n * ROWS * wide).map(|k| (1.0 + k as f64 * 1.7).sin()).collect();
     goes_back(&case.config, batch).expect("it has slopes on a card");
-    let output = compiler.run(
-        &back_program(&batch.system, &case.config, real, Reach::of(batch)),
-        case.input(ROWS, &[packed(&batch.drives), by.clone()].concat()),
+    let kernel = format!("slopes(b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], b[9], {n}, {ROWS});");
+    let launches = format!(
+        "for (; blockIdx.y < {ROWS}; blockIdx.y++) for (blockIdx.x = 0; blockIdx.x < {n}; blockIdx.x++) {kernel}
+         std::fprintf(stderr, \"%zu bytes of a thread\\n\", sizeof(Work) + sizeof(Explicit) + sizeof(Back));"
     );
-    let (found, faults) = output.split_at(8 * (n * d + n * ROWS * (wide + joints)));
-    assert!(faults.len() == 4 * n && faults.iter().all(|byte| *byte == 0), "faults {faults:?}");
-    let (next, rest) = found.split_at(8 * n * d);
-    let (states, torques) = rest.split_at(8 * n * ROWS * wide);
+    let made = [8 * n * d, 8 * by.len(), 8 * n * ROWS * joints, 4 * n].map(|size| vec![0; size]);
+    let buffers = [case.buffers(), vec![bytes(&by, f64::to_le_bytes)], made.into()].concat();
+    let found = compiler.launch(&back_program(&batch.system, &case.config, real, Reach::of(batch)), &launches, &buffers);
+    assert!(found[9].iter().all(|byte| *byte == 0), "faults {:?}", found[9]);
     let slopes = Articulated::new(case.config).back(batch, &case.torques, ROWS, &by).expect("slopes");
     let mut worst = vec![0.0f64; n];
-    for (found, own, wide) in
-        [(doubles(next), &slopes.next, d), (doubles(states), &slopes.states, wide), (doubles(torques), &slopes.torques, joints)]
-    {
+    for (found, own, wide) in [(&found[6], &slopes.next, d), (&found[7], &slopes.states, wide), (&found[8], &slopes.torques, joints)] {
+        let found = doubles(found);
         let rows = found.len() / n / wide.max(1);
         for (k, (a, b)) in found.chunks(wide.max(1)).zip(own.chunks(wide.max(1))).enumerate() {
             let size = b.iter().fold(1e-6f64, |most, x| most.max(x.abs()));
