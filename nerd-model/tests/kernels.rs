@@ -7,7 +7,7 @@ mod cpp;
 
 use std::sync::Mutex;
 
-use common::placed;
+use common::{fallen, placed};
 use cpp::{Compiler, bytes, doubles, floats};
 use nerd_model::base::Base;
 use nerd_model::chain::{Chain, ChainSolver, INPUTS, Look, OUTPUTS, chain_program};
@@ -18,17 +18,6 @@ use nerd_model::program::cpu::{Loaded, Memory, Pass};
 use nerd_model::transformer::{Architecture, ForwardError, Positions, Stream, TransformerConfig, Weights};
 use nerd_sim::articulated::device::{Reach, Real, record};
 use nerd_sim::dataset::{GenerateConfig, begin};
-
-/// Environments that mostly touch something.
-fn fallen(system: &Arc<System>, scene: &str, n: usize) -> (Batch, Vec<f64>) {
-    let mut batch = Batch::new(system, &system.scene(scene).expect("a scene"), n);
-    (0..n).for_each(|env| batch.reset(env, &start(system, Start::Sample, &mut stream(5, env as u64))));
-    let mut solver = Articulated::new(ArticulatedConfig::accurate(system));
-    let idle = vec![0.0; n * system.robot.joint_count()];
-    (0..25).for_each(|_| solver.step(&mut batch, &idle).expect("it can be stepped"));
-    let torques = (0..idle.len()).map(|k| 3.0 * (k as f64 * 0.7).sin()).collect();
-    (batch, torques)
-}
 
 /// A network whose predictions are given, and which notes its tokens.
 struct Given {
@@ -97,7 +86,9 @@ fn kernels_tell_and_apply_as_the_solver_does() {
     let each = |(robot, scene, base)| [View::Own, View::Moving].map(|view| (robot, scene, Form { base, view }));
     for (robot, scene, form) in table.into_iter().flat_map(each) {
         let (system, n) = (System::named(robot).expect("built in"), 40);
-        let (batch, torques) = fallen(&system, scene, n);
+        // Most touch something.
+        let batch = fallen(&system, scene, n, (Start::Sample, 5), 25);
+        let torques: Vec<f64> = (0..n * system.robot.joint_count()).map(|k| 3.0 * (k as f64 * 0.7).sin()).collect();
         let mut model = placed(&system, form, Positions::Rotary);
         // Nothing of a token is where it would be without its normaliser, and turns are near those that are none.
         model.normalizer.inputs.mean.iter_mut().enumerate().for_each(|(k, m)| *m = 0.1 * (k as f64).sin());

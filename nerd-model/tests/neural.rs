@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{POSITIONS, gap, model, placed};
+use common::{POSITIONS, fallen, gap, model, placed};
 use nerd_model::prelude::*;
 use nerd_model::{base::Base, features::Features, transformer::Positions};
 use nerd_sim::instruments::{Glide, Hold};
@@ -83,8 +83,7 @@ fn frames_of_another_solver_in_between_empty_the_window() {
 
 /// `n` environments at starts of the training box, and torques for them.
 fn batch(system: &Arc<System>, scene: &str, n: usize) -> (Batch, Vec<f64>) {
-    let mut batch = Batch::new(system, &system.scene(scene).expect("scene"), n);
-    (0..n).for_each(|env| batch.reset(env, &start(system, Start::Sample, &mut stream(41, env as u64))));
+    let batch = fallen(system, scene, n, (Start::Sample, 41), 0);
     let torques = (0..n * system.robot.joint_count()).map(|i| 20.0 * (i as f64).cos()).collect();
     (batch, torques)
 }

@@ -5,15 +5,12 @@ mod common;
 #[path = "../../nerd-sim/tests/cpp/mod.rs"]
 mod cpp;
 
+use common::{fallen, pure, some, worst};
 use cpp::{Compiler, bytes, doubles, floats};
 use nerd_model::device::{padded, settings, slope_program};
-use nerd_model::form::{Form, View};
-use nerd_model::normalizer::{Moments, Normalizer};
+use nerd_model::prelude::*;
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
-use nerd_model::transformer::{Architecture, TransformerConfig};
-use nerd_model::{base::Base, features::Features, neural::Neural};
 use nerd_sim::articulated::device::{Reach, record};
-use nerd_sim::prelude::*;
 
 const N: usize = 10;
 const ROWS: usize = 2;
@@ -27,37 +24,20 @@ const LAUNCHES: &str = "for (; blockIdx.x < N + 3; blockIdx.x++) {
     }
 }";
 
-fn some(n: usize, size: f64) -> Vec<f64> {
-    (0..n).map(|k| size * (1.7 * k as f64 + 0.3).sin()).collect()
-}
-
-fn apart(found: &[f64], expected: &[f64]) -> f64 {
-    assert_eq!(found.len(), expected.len());
-    let largest = expected.iter().fold(1e-9, |most: f64, x| most.max(x.abs()));
-    let off = found.iter().zip(expected).map(|(a, b)| (a - b).abs() / largest);
-    off.fold(0.0, |most, x| if x > most || x.is_nan() { x } else { most })
-}
-
 #[test]
 fn kernels_go_back_through_a_frame_as_the_cpu_does() {
     let Some(compiler) = Compiler::find() else { return };
     for (robot, scene) in [("cartpole", "free"), ("franka", "free"), ("ant", "ground")] {
-        let (system, form) = (System::named(robot).expect("built in"), Form { base: Base::Trapezoid, view: View::Moving });
-        let scene = system.scene(scene).expect("known");
-        let (inputs, d, joints) = (Features::inputs(&system, form), system.robot.state_dim(), system.robot.joint_count());
-        let paper = TransformerConfig::paper(inputs, d, 24);
-        let network = TransformerConfig { layers: 2, heads: 1, block: 1, history: 1, architecture: Architecture::Residual, ..paper };
-        let unit = |n: usize, variance: f64| Moments { mean: vec![0.1; n], variance: vec![variance; n], epsilon: 1e-5 };
-        let model = common::unlearned(&system, form, network, Normalizer { inputs: unit(inputs, 1.0), outputs: unit(d, 0.5) });
+        let system = System::named(robot).expect("built in");
+        let model = pure(&system, 0.1, 0.5);
+        let network = model.config.network;
+        let (inputs, d, joints) = (network.inputs, network.outputs, system.robot.joint_count());
         let loaded = Loaded::new(network.program(), &model.weights.flat);
-        let mut batch = Batch::new(&system, &scene, N);
-        (0..N).for_each(|env| batch.reset(env, &start(&system, Start::Reset, &mut stream(7, env as u64))));
-        let truth = &mut Articulated::new(ArticulatedConfig::accurate(&system));
-        (0..20).for_each(|_| truth.step(&mut batch, &vec![0.0; N * joints]).expect("a frame"));
+        let batch = fallen(&system, scene, N, (Start::Reset, 7), 20);
         let (torques, by_next) = (some(N * joints, 1.0), some(N * ROWS * 2 * system.robot.nv(), 1.0));
-        let text = slope_program(form, &model.normalizer, &system, scene.colliders.len());
+        let text = slope_program(model.config.form(), &model.normalizer, &system, batch.scenes[0].colliders.len());
         let launches = format!("const int N = {N}, ROWS = {ROWS};\n{LAUNCHES}");
-        let numbers = record(&scene, &system, &settings(), Reach::of(&batch)).expect("a scene with kernels");
+        let numbers = record(&batch.scenes[0], &system, &settings(), Reach::of(&batch)).expect("a scene with kernels");
         let mut buffers = [&batch.states, &torques, &numbers].map(|numbers| bytes(numbers, f64::to_le_bytes)).to_vec();
         buffers.extend([vec![0; 4 * N], vec![0; 4 * N * d], bytes(&by_next, f64::to_le_bytes), vec![0; 4 * ROWS * N * inputs]]);
         let found = [4 * N * padded(inputs), 4 * ROWS * N * d, 8 * N * d, 8 * by_next.len(), 8 * N * ROWS * joints];
@@ -73,7 +53,7 @@ fn kernels_go_back_through_a_frame_as_the_cpu_does() {
         let found = compiler.launch(&text, &launches, &buffers);
         let [next, states, by_torques] = [9, 10, 11].map(|k| doubles(&found[k]));
         let expected = Neural::on_cpu(model).back(&batch, &torques, ROWS, &by_next).expect("slopes");
-        let off = [apart(&next, &expected.next), apart(&states, &expected.states), apart(&by_torques, &expected.torques)];
+        let off = [worst(&next, &expected.next), worst(&states, &expected.states), worst(&by_torques, &expected.torques)];
         println!("{robot}: next states, slopes by states and by torques {off:?} off");
         assert!(off.iter().all(|off| *off < 1e-5), "{robot}: {off:?}");
     }
