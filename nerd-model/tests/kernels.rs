@@ -68,10 +68,7 @@ fn apart<T: Copy + Into<f64>>(a: &[T], b: &[T]) -> f64 {
 #[test]
 fn kernels_tell_and_apply_as_the_solver_does() {
     let Some(compiler) = Compiler::find() else { return };
-    let launches = [
-        "neural_tell(b[0], b[1], b[2], b[3], b[4], b[5], b[6], n, b[7])",
-        "neural_apply(b[0], b[8], b[9], b[5], b[6], n)",
-    ];
+    let launches = ["neural_tell(b[0], b[1], b[2], b[3], b[4], b[5], b[6], n, b[7])", "neural_apply(b[0], b[8], b[9], b[5], b[6], n)"];
     let table = [
         ("cartpole", "free", Base::State),
         ("franka", "free", Base::Trapezoid),

@@ -5,7 +5,6 @@
 //! truncated or copied from another folder.
 
 mod config;
-mod error;
 
 use std::{collections::HashMap, path::Path};
 
@@ -14,13 +13,11 @@ use sha2::{Digest, Sha256};
 
 use crate::prelude::*;
 
-pub use config::ModelConfig;
-pub use error::ModelError;
+pub use config::{ModelConfig, ModelError};
 
 use crate::normalizer::{Moments, Normalizer};
 use crate::transformer::{Storage, Weights};
-use config::read_json;
-use error::wrong;
+use config::{read_json, wrong};
 
 /// A trained network with its normaliser and its provenance.
 #[derive(Clone, Debug)]

@@ -69,15 +69,7 @@ pub struct ArticulatedConfig {
 impl ArticulatedConfig {
     /// The reference simulator: symplectic Euler at its substeps, mass matrix renewed when it does.
     pub fn paper(system: &System, friction: Friction) -> Self {
-        let substeps = system.spec.substeps;
-        Self {
-            integrator: Integrator::SymplecticEuler,
-            substeps,
-            contact_substeps: substeps,
-            refresh: system.spec.refresh,
-            contact_step: ContactStep::Explicit,
-            friction,
-        }
+        Self { refresh: system.spec.refresh, ..Self::explicit(system.spec.substeps, friction) }
     }
 
     /// Symplectic Euler with the mass matrix renewed at every substep, with contact or without.

@@ -7,7 +7,7 @@ use nerd_core::state::wrap_state;
 use rayon::prelude::*;
 
 use super::check::{finish, gone, sound};
-use super::{refusal::Fault, slopes::Slopes};
+use super::refusal::{Fault, Slopes};
 use crate::prelude::*;
 
 /// Working memory that advances one environment at a time by one frame; nothing in it outlives a frame.

@@ -73,3 +73,14 @@ fn line(faults: &[Fault]) -> String {
     let others = if faults.len() > 1 { format!(" (and {} environments more)", faults.len() - 1) } else { String::new() };
     format!("environment {env}, frame {frame}: {reason}{others}")
 }
+
+/// What [`super::Solver::back`] finds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Slopes {
+    /// States after the frame, `[env][q, qd]`.
+    pub next: Vec<f64>,
+    /// Gradients by the states before it, `[env][row][2 nv]`.
+    pub states: Vec<f64>,
+    /// Gradients by the torques, `[env][row][joint]`.
+    pub torques: Vec<f64>,
+}

@@ -50,19 +50,13 @@ impl<M: Motion> Resident for OnDevice<M> {
     }
 }
 
-/// A [`Solver`] that makes many frames in a row, as [`OnDevice::roll`].
+/// A [`Solver`] that makes many frames in a row.
 pub trait Roll: Solver {
-    /// See [`OnDevice::roll`].
+    /// So many frames in a row without leaving the device. `torques` are `[env][joint]`, held over all of them, or `[frame][env][joint]`.
     ///
     /// # Errors
-    /// As that.
+    /// As [`Solver::step`]. An environment that fails keeps its state before that frame, which the error names.
     fn roll(&mut self, batch: &mut Batch, torques: &[f64], frames: usize) -> Result<(), StepError>;
-}
-
-impl<M: Motion> Roll for OnDevice<M> {
-    fn roll(&mut self, batch: &mut Batch, torques: &[f64], frames: usize) -> Result<(), StepError> {
-        OnDevice::roll(self, batch, torques, frames)
-    }
 }
 
 /// A [`Solver`] whose batch is on a device.
@@ -87,11 +81,27 @@ impl<M: Motion> OnDevice<M> {
         Self { motion, made: None, next: Vec::new(), faults: Vec::new() }
     }
 
-    /// So many frames in a row without leaving the device. `torques` are `[env][joint]`, held over all of them, or `[frame][env][joint]`.
-    ///
-    /// # Errors
-    /// As [`Solver::step`]. An environment that fails keeps its state before that frame, which the error names.
-    pub fn roll(&mut self, batch: &mut Batch, torques: &[f64], frames: usize) -> Result<(), StepError> {
+    /// Kernels and memory that fit the batch.
+    fn prepare(&mut self, batch: &Batch) -> Result<(), StepError> {
+        let asked = Reach::of(batch);
+        let fits = |m: &Made| {
+            let enough = m.reach.colliders >= asked.colliders && m.reach.driven == asked.driven;
+            enough && m.held.n == batch.len() && Arc::ptr_eq(&m.system, &batch.system)
+        };
+        if self.made.as_ref().is_some_and(fits) {
+            return Ok(());
+        }
+        self.made = None;
+        self.motion.open(batch, asked)?;
+        let Some(device) = self.motion.device() else { return Ok(()) };
+        let held = Held::new(device, batch).map_err(failed)?;
+        self.made = Some(Made { system: batch.system.clone(), reach: asked, held, rows: None });
+        Ok(())
+    }
+}
+
+impl<M: Motion> Roll for OnDevice<M> {
+    fn roll(&mut self, batch: &mut Batch, torques: &[f64], frames: usize) -> Result<(), StepError> {
         let (n, joints) = (batch.len(), batch.system.robot.joint_count());
         let width = n * joints;
         let hold = torques.len() == width;
@@ -135,24 +145,6 @@ impl<M: Motion> OnDevice<M> {
             batch.forces[fault.env * points..][..points].fill(Vector3::zeros());
         }
         finish(batch, &mut self.next, &mut self.faults)
-    }
-
-    /// Kernels and memory that fit the batch.
-    fn prepare(&mut self, batch: &Batch) -> Result<(), StepError> {
-        let asked = Reach::of(batch);
-        let fits = |m: &Made| {
-            let enough = m.reach.colliders >= asked.colliders && m.reach.driven == asked.driven;
-            enough && m.held.n == batch.len() && Arc::ptr_eq(&m.system, &batch.system)
-        };
-        if self.made.as_ref().is_some_and(fits) {
-            return Ok(());
-        }
-        self.made = None;
-        self.motion.open(batch, asked)?;
-        let Some(device) = self.motion.device() else { return Ok(()) };
-        let held = Held::new(device, batch).map_err(failed)?;
-        self.made = Some(Made { system: batch.system.clone(), reach: asked, held, rows: None });
-        Ok(())
     }
 }
 
