@@ -44,6 +44,16 @@ pub(super) struct Settings {
     pub(super) settling: (f64, usize),
 }
 
+/// What a frame is asked: `contact` is whether something can touch something.
+#[derive(Clone, Copy)]
+pub(super) struct Asked<'a> {
+    pub(super) system: &'a System,
+    pub(super) scene: &'a Scene,
+    pub(super) config: ArticulatedConfig,
+    pub(super) contact: bool,
+    pub(super) tau: &'a [f64],
+}
+
 /// Settings of [`super::Articulated`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -19,7 +19,7 @@
 
 use nerd_core::dynamics::{to_local, velocities};
 
-use super::workspace::Workspace;
+use super::{config::Asked, workspace::Workspace};
 use crate::prelude::*;
 use crate::{scene::place, solver::gone};
 
@@ -47,7 +47,8 @@ pub(super) struct Energy {
 impl Workspace {
     /// Times as many substeps that a frame from `start` to `state` in so many of them needs to give no energy: 1, or the power of 2 that is
     /// needed at least, since the step's error falls with their square at most.
-    pub(super) fn refine(&mut self, system: &System, scene: &Scene, state: &[f64], tau: &[f64], substeps: usize) -> Result<usize, String> {
+    pub(super) fn refine(&mut self, asked: &Asked, state: &[f64], substeps: usize) -> Result<usize, String> {
+        let Asked { system, scene, tau, .. } = *asked;
         let start = std::mem::take(&mut self.start);
         let before = self.energy(system, scene, &start);
         let after = self.energy(system, scene, state);

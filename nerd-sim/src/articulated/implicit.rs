@@ -31,7 +31,7 @@
 use nerd_core::dynamics::{crba, to_local, to_world};
 
 use super::touch::{Contact, EVEN, Touch, ahead};
-use super::{along::Tree, energy::WHIRL, fold::fold, kick::Substep, touches::Touches, workspace::Workspace};
+use super::{along::Tree, config::Asked, energy::WHIRL, fold::fold, kick::Substep, touches::Touches, workspace::Workspace};
 use crate::prelude::*;
 use crate::solver::gone;
 
@@ -42,22 +42,15 @@ pub(super) const HALVINGS: usize = 6;
 
 impl Workspace {
     /// A frame of so many substeps; contacts are looked for in each.
-    pub(super) fn implicit(
-        &mut self,
-        system: &System,
-        scene: &Scene,
-        config: &ArticulatedConfig,
-        substeps: usize,
-        state: &mut [f64],
-        tau: &[f64],
-    ) -> Result<(), String> {
+    pub(super) fn implicit(&mut self, asked: &Asked, substeps: usize, state: &mut [f64]) -> Result<(), String> {
+        let Asked { system, scene, .. } = *asked;
         let robot = &system.robot;
         let (q, qd) = state.split_at_mut(robot.nq());
         to_local(robot, q, qd);
         self.touches.begin(robot, scene);
         let whole = system.frame_time / substeps as f64;
         let (settled, passes) = self.settling;
-        let all = Substep { system, scene, config, settled: settled / substeps as f64, passes, tau, whole, h: whole };
+        let all = Substep { asked, settled: settled / substeps as f64, passes, whole, h: whole };
         for substep in 0..substeps {
             self.substep(&all, substep == 0, HALVINGS, q, qd)?;
         }
@@ -67,7 +60,7 @@ impl Workspace {
 
     /// One substep, in halves if it is too long to be solved.
     fn substep(&mut self, own: &Substep, first: bool, halvings: usize, q: &mut [f64], qd: &mut [f64]) -> Result<(), String> {
-        let Substep { system, scene, config, h, .. } = *own;
+        let (Asked { system, scene, config, .. }, h) = (*own.asked, own.h);
         let robot = &system.robot;
         let half = 0.5 * h;
         if self.touches.tree.is_some() {
