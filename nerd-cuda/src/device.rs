@@ -26,6 +26,9 @@ pub enum Lane {
     Side,
 }
 
+/// Blocks of a grid or threads of a block, along x and y.
+pub type Extent = (usize, usize);
+
 static ORDINAL: AtomicUsize = AtomicUsize::new(0);
 
 /// The GPU of this process, counted from 0.
@@ -229,27 +232,12 @@ impl Device {
     }
 
     /// Launches a kernel on the main stream with `shared` bytes of dynamic shared memory.
-    pub fn launch(
-        &self,
-        kernel: &str,
-        grid: (usize, usize),
-        block: (usize, usize),
-        shared: usize,
-        args: &[Arg],
-    ) -> Result<(), DeviceError> {
+    pub fn launch(&self, kernel: &str, grid: Extent, block: Extent, shared: usize, args: &[Arg]) -> Result<(), DeviceError> {
         self.launch_on(Lane::Main, kernel, grid, block, shared, args)
     }
 
     /// Launches a kernel on `lane`.
-    pub fn launch_on(
-        &self,
-        lane: Lane,
-        kernel: &str,
-        grid: (usize, usize),
-        block: (usize, usize),
-        shared: usize,
-        args: &[Arg],
-    ) -> Result<(), DeviceError> {
+    pub fn launch_on(&self, lane: Lane, kernel: &str, grid: Extent, block: Extent, shared: usize, args: &[Arg]) -> Result<(), DeviceError> {
         let function = self.kernels.get(kernel).ok_or_else(|| DeviceError(format!("no kernel `{kernel}`")))?;
         // Little endian: a 32-bit argument is the low half of its slot.
         let mut slots: Vec<u64> = args.iter().map(Arg::bits).collect();

@@ -29,7 +29,7 @@ impl Around {
         let (robot, time, prediction) = (&self.system.robot, self.system.frame_time, self.change(outputs).collect::<Vec<_>>());
         let (mut change, mut by_change) = (prediction.clone(), vec![0.0; before.len()]);
         if self.form.base == Base::Trapezoid {
-            trapezoid::add(robot, time, before, &mut change);
+            trapezoid::carry(robot, time, before, &mut change, 1.0);
         }
         apply_back(robot, before, &change, upstream, slope, &mut by_change);
         if self.form.base == Base::Trapezoid {

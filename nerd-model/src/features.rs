@@ -192,7 +192,7 @@ impl Features {
             change[3..7].copy_from_slice(turn.coords.as_slice());
         }
         if self.form.base == Base::Trapezoid {
-            trapezoid::remove(robot, system.frame_time, state, &mut change);
+            trapezoid::carry(robot, system.frame_time, state, &mut change, -1.0);
         }
         cast(&change, out);
     }
@@ -205,7 +205,7 @@ impl Features {
         frame.state_in(robot, state, &mut self.near);
         let mut change = change.to_vec();
         if self.form.base == Base::Trapezoid {
-            trapezoid::add(robot, system.frame_time, state, &mut change);
+            trapezoid::carry(robot, system.frame_time, state, &mut change, 1.0);
         }
         self.far.iter_mut().zip(self.near.iter().zip(&change)).for_each(|(f, (n, c))| *f = n + c);
         if robot.floating() {

@@ -20,14 +20,6 @@ fn turn(change: &[f64]) -> Quaternion<f64> {
     Quaternion::new(change[6], change[3], change[4], change[5])
 }
 
-/// Joints alone: adds `sign` times the way at the mean velocities.
-fn joints(robot: &Robot, time: f64, state: &[f64], change: &mut [f64], sign: f64) {
-    let (nq, coords, dofs) = (robot.nq(), robot.root_coords(), robot.root_dofs());
-    for i in 0..robot.joint_count() {
-        change[coords + i] += sign * time * (state[nq + dofs + i] + 0.5 * change[nq + dofs + i]);
-    }
-}
-
 /// Lets what positions miss count as velocities do: its scale is that of the velocity's change times the frame's time. What smooth motion
 /// misses, next to nothing, then takes no part of a network.
 pub fn level(robot: &Robot, time: f64, outputs: &mut Moments) {
@@ -41,29 +33,21 @@ pub fn level(robot: &Robot, time: f64, outputs: &mut Moments) {
     }
 }
 
-/// From a prediction to the change of the state.
-pub fn add(robot: &Robot, time: f64, state: &[f64], change: &mut [f64]) {
-    joints(robot, time, state, change, 1.0);
+/// From a prediction to the change of the state (`sign` 1), or back (-1).
+pub fn carry(robot: &Robot, time: f64, state: &[f64], change: &mut [f64], sign: f64) {
+    let (nq, coords, dofs) = (robot.nq(), robot.root_coords(), robot.root_dofs());
+    for i in 0..robot.joint_count() {
+        change[coords + i] += sign * time * (state[nq + dofs + i] + 0.5 * change[nq + dofs + i]);
+    }
     if robot.floating() {
         let [u, way] = carried(robot, time, state, change);
-        let turned = UnitQuaternion::from_scaled_axis(u).into_inner() * turn(change);
-        change[..3].iter_mut().zip(way.iter()).for_each(|(x, d)| *x += d);
+        let turned = UnitQuaternion::from_scaled_axis(u * sign).into_inner() * turn(change);
+        change[..3].iter_mut().zip(way.iter()).for_each(|(x, d)| *x += sign * d);
         change[3..7].copy_from_slice(turned.coords.as_slice());
     }
 }
 
-/// From the change of the state to what is predicted.
-pub fn remove(robot: &Robot, time: f64, state: &[f64], change: &mut [f64]) {
-    joints(robot, time, state, change, -1.0);
-    if robot.floating() {
-        let [u, way] = carried(robot, time, state, change);
-        let turned = UnitQuaternion::from_scaled_axis(-u).into_inner() * turn(change);
-        change[..3].iter_mut().zip(way.iter()).for_each(|(x, d)| *x -= d);
-        change[3..7].copy_from_slice(turned.coords.as_slice());
-    }
-}
-
-/// The way back of [`add`]: turns a gradient by the change into one by the prediction, and adds to `slope` what comes to the state, in its
+/// The way back of [`carry`] to the change: turns a gradient by the change into one by the prediction, and adds to `slope` what comes to the state, in its
 /// tangent space ([`crate::slopes`]).
 pub fn back(robot: &Robot, time: f64, state: &[f64], prediction: &[f64], by: &mut [f64], slope: &mut [f64]) {
     let (nq, nv, coords, dofs) = (robot.nq(), robot.nv(), robot.root_coords(), robot.root_dofs());

@@ -150,7 +150,7 @@ fn a_gradient_by_the_next_state_comes_to_prediction_and_state_as_differences_say
         let (mut slope, mut by_change) = (vec![0.0; n], vec![0.0; d]);
         let (time, prediction) = (system.frame_time, change.clone());
         if base == Base::Trapezoid {
-            trapezoid::add(&system.robot, time, &state, &mut change);
+            trapezoid::carry(&system.robot, time, &state, &mut change, 1.0);
         }
         apply_back(&system.robot, &state, &change, &upstream, &mut slope, &mut by_change);
         if base == Base::Trapezoid {

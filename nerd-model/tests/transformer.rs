@@ -4,11 +4,11 @@
 use std::collections::HashMap;
 
 use nalgebra::DMatrix;
-use nerd_model::BurnDevice;
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
 use nerd_model::transformer::{
     Architecture, BurnForward, Forward, PackedForward, PackedStream, Positions, Storage, Stream, TransformerConfig, Weights, Windowed,
 };
+use nerd_model::{BurnDevice, base::Base, features::Features};
 
 const SMALL: TransformerConfig = TransformerConfig {
     inputs: 5,
@@ -122,22 +122,18 @@ fn reference(w: &Weights, x: &[f32], tokens: usize) -> Vec<f64> {
 }
 
 #[test]
-fn parameter_counts_are_the_papers() {
-    let counts = [(6, 4, 2_713_668, 10_809_156), (37, 4, 2_719_620, 10_821_060), (72, 13, 2_726_925, 10_835_085)];
-    let more = [(21, 14, 2_717_198, 10_815_566), (215, 29, 2_755_421, 10_891_037), (150, 37, 2_743_461, 10_866_597)];
-    for (inputs, outputs, narrow, wide) in counts.into_iter().chain(more) {
-        assert_eq!(TransformerConfig::paper(inputs, outputs, 192).parameters(), narrow);
-        assert_eq!(TransformerConfig::paper(inputs, outputs, 384).parameters(), wide);
-    }
-}
-
-#[test]
-fn inputs_and_outputs_are_as_wide_as_the_papers() {
-    let widths = [("cartpole", 6, 4), ("pendulum", 37, 4), ("cube", 72, 13), ("franka", 21, 14), ("ant", 215, 29), ("anymal", 150, 37)];
-    for (name, inputs, outputs) in widths {
+fn widths_and_parameter_counts_are_the_papers() {
+    for (name, inputs, outputs, narrow, wide) in [
+        ("cartpole", 6, 4, 2_713_668, 10_809_156),
+        ("pendulum", 37, 4, 2_719_620, 10_821_060),
+        ("cube", 72, 13, 2_726_925, 10_835_085),
+        ("franka", 21, 14, 2_717_198, 10_815_566),
+        ("ant", 215, 29, 2_755_421, 10_891_037),
+        ("anymal", 150, 37, 2_743_461, 10_866_597),
+    ] {
         let system = nerd_sim::system::System::named(name).expect("built in");
-        let features = nerd_model::features::Features::inputs(&system, nerd_model::base::Base::State);
-        assert_eq!((features, nerd_model::features::Features::outputs(&system)), (inputs, outputs), "{name}");
+        assert_eq!((Features::inputs(&system, Base::State), Features::outputs(&system)), (inputs, outputs), "{name}");
+        assert_eq!([192, 384].map(|e| TransformerConfig::paper(inputs, outputs, e).parameters()), [narrow, wide], "{name}");
     }
 }
 

@@ -39,20 +39,13 @@ impl Articulated {
         rows: usize,
         by_next: &[f64],
     ) -> Result<(Slopes, Vec<f64>), StepError> {
-        self.gone_back(batch, torques, rows, by_next, true)
+        self.goes_back(batch)?;
+        self.parallel.back(&self.settings, batch, torques, rows, by_next, true)
     }
 
-    fn gone_back(
-        &mut self,
-        batch: &Batch,
-        torques: &[f64],
-        rows: usize,
-        by_next: &[f64],
-        numbers: bool,
-    ) -> Result<(Slopes, Vec<f64>), StepError> {
+    fn goes_back(&self, batch: &Batch) -> Result<(), StepError> {
         self.settings.config.check().map_err(StepError::Solver)?;
-        covered(&self.settings.config, batch)?;
-        self.parallel.back(&self.settings, batch, torques, rows, by_next, numbers)
+        covered(&self.settings.config, batch)
     }
 }
 
@@ -63,7 +56,8 @@ impl Solver for Articulated {
     }
 
     fn back(&mut self, batch: &Batch, torques: &[f64], rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
-        Ok(self.gone_back(batch, torques, rows, by_next, false)?.0)
+        self.goes_back(batch)?;
+        Ok(self.parallel.back(&self.settings, batch, torques, rows, by_next, false)?.0)
     }
 
     fn capabilities(&self) -> Capabilities {

@@ -2,9 +2,10 @@
 
 use nalgebra::Quaternion;
 
+use super::super::kept::Flown;
 use super::super::memory::{Flight, Memory};
+use super::numbers::{DAMPING, GRAVITY};
 use super::row::{Row, set};
-use super::{super::kept::Flown, numbers::Layout};
 use crate::prelude::*;
 
 impl Row {
@@ -55,13 +56,13 @@ impl Row {
         adjoint.begin(robot, data, virtuals, qdd, &mut self.loads);
         self.inertias(robot, data, adjoint);
         let by_base = adjoint.end(robot, data, (virtuals, qd, qdd), &mut self.loads, &mut self.speed);
-        self.numbers.add(Layout::gravity, (-by_base).into());
+        self.numbers.add(GRAVITY, 0, (-by_base).into());
         self.unload(robot, data);
         for (i, joint) in robot.joints().enumerate() {
             let own = virtuals[dofs + i];
             self.torque[i] += own;
             self.speed[dofs + i] -= joint.damping * own;
-            self.numbers.add(|at| at.joint(i, 0), [-qd[dofs + i] * own, 0.0, -qdd[dofs + i] * own]);
+            self.numbers.add(DAMPING, i, [-qd[dofs + i] * own, 0.0, -qdd[dofs + i] * own]);
             if let Some(limit) = joint.limit.filter(|l| l.force(q[coords + i], qd[dofs + i]) != 0.0) {
                 self.pose[dofs + i] -= limit.stiffness * own;
                 self.speed[dofs + i] -= limit.damping * own;
