@@ -126,8 +126,9 @@ impl Solver for Neural {
             frame.back((batch, torques), network, envs, (rows, by_next))
         };
         let parts: Vec<Slopes> = self.frames.par_iter_mut().take(batch.len().div_ceil(size)).enumerate().map(one).collect();
-        let all = |of: fn(&Slopes) -> &[f64]| parts.iter().map(of).collect::<Vec<_>>().concat();
-        Ok(Slopes { next: all(|s| &s.next), states: all(|s| &s.states), torques: all(|s| &s.torques) })
+        let mut all = Slopes::default();
+        parts.into_iter().for_each(|part| all.append(part));
+        Ok(all)
     }
 
     fn reset(&mut self, env: usize) {

@@ -25,20 +25,13 @@ impl Articulated {
         self
     }
 
-    /// As [`Solver::back`], with gradients by the numbers of each environment's robot and scene, too: `[env][row][number]` in the order of
-    /// [`super::numbers`].
+    /// As [`Solver::back`], with gradients by the numbers of each environment's robot and scene, too, in the order of [`super::numbers`].
     ///
     /// Dry friction that is not there and contact points that move over their link are held.
     ///
     /// # Errors
     /// As [`Solver::back`].
-    pub fn back_by_numbers(
-        &mut self,
-        batch: &Batch,
-        torques: &[f64],
-        rows: usize,
-        by_next: &[f64],
-    ) -> Result<(Slopes, Vec<f64>), StepError> {
+    pub fn back_by_numbers(&mut self, batch: &Batch, torques: &[f64], rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
         self.goes_back(batch)?;
         self.parallel.back(&self.settings, batch, torques, rows, by_next, true)
     }
@@ -57,7 +50,7 @@ impl Solver for Articulated {
 
     fn back(&mut self, batch: &Batch, torques: &[f64], rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
         self.goes_back(batch)?;
-        Ok(self.parallel.back(&self.settings, batch, torques, rows, by_next, false)?.0)
+        self.parallel.back(&self.settings, batch, torques, rows, by_next, false)
     }
 
     fn capabilities(&self) -> Capabilities {

@@ -83,4 +83,16 @@ pub struct Slopes {
     pub states: Vec<f64>,
     /// Gradients by the torques, `[env][row][joint]`.
     pub torques: Vec<f64>,
+    /// Gradients by numbers of robot and scene where they were asked for, `[env][row][number]`.
+    pub numbers: Vec<f64>,
+}
+
+impl Slopes {
+    /// Those of more environments.
+    pub fn append(&mut self, more: Self) {
+        self.next.extend(more.next);
+        self.states.extend(more.states);
+        self.torques.extend(more.torques);
+        self.numbers.extend(more.numbers);
+    }
 }

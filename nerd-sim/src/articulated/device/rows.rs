@@ -53,7 +53,7 @@ impl Rows {
                 motion.back(held, trail, back)
             })?;
             let [next, states, torques] = [&self.next, &self.states, &self.torques].map(|of| device.download(of));
-            Ok((Slopes { next: next?, states: states?, torques: torques? }, device.download(&self.faults)?))
+            Ok((Slopes { next: next?, states: states?, torques: torques?, ..Slopes::default() }, device.download(&self.faults)?))
         };
         let (out, faults) = go().map_err(failed)?;
         let finite = |x: &[f64], env: usize| x[env * x.len() / held.n..(env + 1) * x.len() / held.n].iter().all(|x| x.is_finite());
