@@ -102,8 +102,7 @@ fn kernels_tell_and_apply_as_the_solver_does() {
             let shape = (n, model.config.network.inputs);
             let (tokens, states) = frame(&compiler, (&text, launches), &batch, &torques, &predictions, shape);
             let (tokens, states) = (apart(&tokens, &noted.lock().expect("done")), apart(&states, &own.states));
-            println!("{name} {form:?}: tokens {tokens:.1e}, states {states:.1e} apart");
-            assert!(tokens < most[0] && states < most[1], "{name}: {tokens:e}, {states:e}");
+            assert!(tokens < most[0] && states < most[1], "{name}, {form:?}: tokens {tokens:e}, states {states:e} apart");
         }
     }
 }
@@ -139,7 +138,6 @@ fn kernels_of_a_chain_tell_and_apply_as_its_solver_does() {
     let (own, states) = frame(&compiler, (&text, launches), &batch, &torques, &outputs, (LEADS * chain.rods, INPUTS));
     solver.step(&mut batch, &torques).expect("it can be stepped");
     let (tokens, states) = (apart(&own, &tokens), apart(&states, &batch.states));
-    println!("{near} ends of rods near a surface: tokens {tokens:.1e}, states {states:.1e} apart");
     assert!(near > 100 && tokens < 1e-6 && states < 1e-9, "{near} near, tokens {tokens:e}, states {states:e} apart");
 }
 
@@ -188,7 +186,6 @@ fn a_pass_in_one_kernel_is_that_of_the_engine() {
         let size = wanted.iter().fold(0.0f32, |most, x| most.max(x.abs()));
         let off = found.iter().zip(&wanted).map(|(a, b)| (a - b).abs() / size).max_by(f32::total_cmp).unwrap_or(f32::NAN);
         let name = format!("{:?}, E {}, {products:?}", c.architecture, c.embedding);
-        println!("{name}: {off:.1e} off, {} threads, {} windows", whole.threads, whole.windows);
         assert!(found.len() == wanted.len() && off < most, "{name}: {off:e} off, {} of {} numbers", found.len(), wanted.len());
     }
 }

@@ -179,7 +179,6 @@ fn the_stream_equals_the_banded_pass() {
         }
     }
     // These weights magnify rounding; the yardstick is burn's own distance from the pass in f64.
-    println!("{compared} predictions: stream and windows are {worst:?} from the f64 pass, the banded pass {yardstick:.1e}");
     assert!(
         compared == 540 && worst.iter().zip([1.0, 1.0, 2.0]).all(|(w, share)| *w < 1e-5 + share * yardstick),
         "{compared} predictions: {worst:?}, {yardstick:.1e}"
@@ -246,7 +245,6 @@ fn weights_survive_a_file_and_are_no_other_networks() {
     assert!(half.len() * 10 < exact.len() * 7, "{} bytes in place of {}", half.len(), exact.len());
     let half = Weights::from_bytes(SMALL, &half).unwrap();
     let worst = w.flat.iter().zip(&half.flat).map(|(a, b)| (a - b).abs() / a.abs().max(1e-3)).fold(0.0, f32::max);
-    println!("f16 changes a weight by {worst:.1e} of itself");
     assert!(worst > 0.0 && worst <= 2f32.powi(-11), "f16 changes a weight by {worst:.1e} of itself");
     let error = Weights::from_bytes(TransformerConfig { embedding: 28, ..SMALL }, &exact).unwrap_err().to_string();
     assert!(error.contains("embed.weight") && error.contains("[5, 28]"), "{error}");

@@ -124,7 +124,6 @@ fn a_long_chain_moves_as_the_solver_has_it() {
     let drive = Drive { kp: 1e5, kd: 10.0, target: 2.0, effort: 1e-3, ..Drive::default() };
     case.batch.drives = vec![drive; case.batch.len() * joints];
     let driven = case.apart(&compiler, Real::F64, 1);
-    println!("states {:.1e}, forces {:.1e}; driven {:.1e}, {:.1e}", free.states(0), free.forces, driven.states(0), driven.forces);
     assert!(free.states(0) < 1e-10 && free.forces < 1e-10, "{free:?}");
     assert!(driven.states(0) < 1e-7, "driven: {driven:?}");
 }
@@ -159,7 +158,6 @@ fn leads_among_pegs_move_as_the_solver_has_them() {
     for substeps in [1, 4, 16] {
         case.config = ArticulatedConfig::implicit(substeps, Friction::Coulomb);
         let [double, single] = [Real::F64, Real::F32].map(|real| case.apart(&compiler, real, 1).states(0));
-        println!("x{substeps}, {all} touching, {aside} of them pegs: states {double:.1e}, in 32 bits {single:.1e}");
         assert!(double < 1e-7 && single < 0.1, "x{substeps}: states {double:e} apart, in 32 bits {single:e}");
     }
 }
@@ -174,7 +172,6 @@ fn whips_are_cut_as_the_solver_cuts_them() {
     let text = case.text(Real::F64);
     let uncut = changed(&text, "#define HALVINGS 6", "#define HALVINGS 0");
     let [cut, uncut] = [text, uncut].map(|text| case.apart_by(&compiler, &text, 1).states(0));
-    println!("cut {cut:.1e}, uncut {uncut:.1e} apart");
     assert!(cut < 1e-6 && uncut > 1e-2, "cut {cut:e}, uncut {uncut:e} apart");
 }
 
@@ -197,7 +194,6 @@ fn cubes_meet_a_peg_as_the_solver_has_it() {
     }
     let case = Case { batch, torques: Vec::new(), config: ArticulatedConfig::implicit(2, Friction::Coulomb) };
     let one = case.apart(&compiler, Real::F64, 1);
-    println!("states {:.1e}, forces {:.1e}", one.states(0), one.forces);
     assert!(one.states(0) < 1e-9 && one.forces < 1e-7, "{one:?}");
 }
 
@@ -218,7 +214,6 @@ fn springs_pull_as_the_solver_has_them() {
         let mut batch = batch(&system, scene, 8);
         batch.states.iter_mut().enumerate().for_each(|(k, x)| *x = 0.5 * (k as f64).sin());
         let few = Case { batch, torques: vec![1e-3; 16], config }.apart(&compiler, Real::F64, 3);
-        println!("{scene}, {config:?}: states {:.1e}, forces {:.1e}", few.states(0), few.forces);
         assert!(few.states(0) < 1e-9 && few.forces < 1e-7, "{scene}, {config:?}: {few:?}");
     }
 }
@@ -254,7 +249,6 @@ fn links_on_each_other_move_as_the_solver_has_them() {
         run(&mut implicit(16), &mut batch, 0.0, 2);
         let touch = batch.states.iter().zip(&alone.states).fold(0.0f64, |most, (a, b)| most.max((a - b).abs()));
         let [double, single] = [Real::F64, Real::F32].map(|real| case.apart(&compiler, real, 2).states(0));
-        println!("{name}: states {double:.1e}, in 32 bits {single:.1e}; touches change {touch:.1e}: {}", system.notes.join("; "));
         assert!(touch > 1e-2 && double < 1e-9 && single < 1e-2, "{name}: {double:e}, {single:e}, {touch}");
     }
 }
@@ -281,7 +275,6 @@ fn kernels_move_as_the_solver_does() {
         let [double, single] = [Real::F64, Real::F32].map(|real| case.apart(&compiler, real, 1));
         // Over an edge between two boxes 32 bits may take the other one: there a tenth may be apart.
         let worst = single.states(if scene == "steps" { case.batch.len() / 10 } else { 0 });
-        println!("{name} {scene}: states {:.1e}, forces {:.1e}; f32 {worst:.1e}, {:.1e}", double.states(0), double.forces, single.forces);
         assert!(double.states(0) < 1e-9 && double.forces < 1e-7, "{name} on {scene}: {double:?}");
         assert!(worst < 1e-3, "{name} on {scene} in f32: {single:?}");
         if name == "ant" {
@@ -363,7 +356,6 @@ fn kernels_go_back_as_the_solver_does() {
     for case in cases {
         let what = format!("{} on {}", case.batch.system.name, case.batch.scenes[0].name);
         let [double, single] = [Real::F64, Real::F32].map(|real| back_apart(&case, &compiler, real));
-        println!("{what}: slopes {:.1e}; f32 {:.1e}, {:.1e} in the median", double[39], single[39], single[20]);
         // In one of them 32 bits may take another side of a kink, or see what is left of far larger slopes.
         assert!(double[39] < 1e-9 && single[38] < 1e-3 && single[39] < 0.1, "{what}: {double:?}, f32 {single:?}");
     }
