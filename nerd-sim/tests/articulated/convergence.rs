@@ -50,7 +50,7 @@ fn converges<S: Solver>(system: &Arc<System>, substeps: [usize; 4], order: std::
     let (x, y) = (substeps.map(|n| (n as f64).ln()), errors.map(f64::ln));
     let (mx, my) = (x.iter().sum::<f64>() / 4.0, y.iter().sum::<f64>() / 4.0);
     let slope = -x.iter().zip(&y).map(|(a, b)| (a - mx) * (b - my)).sum::<f64>() / x.iter().map(|a| (a - mx).powi(2)).sum::<f64>();
-    assert!(order.contains(&slope), "{}: order {slope:.2}, textbook within {order:?}, by mean |dq| {errors:.1e?}", system.name);
+    assert!(order.contains(&slope), "{}: order {slope:.2}, textbook within {order:?}, by mean |dq| {errors:?}", system.name);
     assert!(errors[3] < bound, "{}: {:.2e} rad at {} substeps, bound {bound:.0e}", system.name, errors[3], substeps[3]);
 }
 
