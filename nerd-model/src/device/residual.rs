@@ -7,9 +7,8 @@ use half::f16;
 use nerd_sim::articulated::device::Text;
 
 use super::whole::{Products, Whole, shape};
-use crate::program::Program;
 use crate::program::config::{Architecture, TransformerConfig};
-use crate::program::op::padded;
+use crate::{program::Program, program::op::padded};
 
 /// Rows of a block, and its warps: the sums of a pass are in registers, and a block reads every weight once.
 const ROWS: usize = 64;

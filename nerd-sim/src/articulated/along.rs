@@ -4,7 +4,7 @@
 //! `h J_x^T D J_x` beside the inertia of the link that a point is on and `h d` beside the armature of a joint ([`TreeFactor`]).
 
 use nalgebra::Matrix6;
-use nerd_core::dynamics::{TreeFactor, inertias};
+use nerd_core::dynamics::TreeFactor;
 
 use super::touch::Contact;
 use crate::prelude::*;
@@ -44,11 +44,6 @@ impl Tree {
             joints: vec![0.0; joints],
             press: vec![Wrench::default(); links],
         })
-    }
-
-    /// A substep begins.
-    pub(super) fn begin(robot: &Robot, data: &mut Data) {
-        inertias(robot, data);
     }
 
     /// The inverse of the mass matrix alone, for [`Tree::ease`] and [`Tree::eased`].

@@ -28,10 +28,10 @@
 //! ([`crate::drive`]) may pull, until its effort holds it at a constant force. A touch couples only the joints above it, so the matrix keeps the
 //! tree's zeros and the factorisation its cost. A frame that gives energy is stepped again, finer (`energy.rs`). Where chains are long, the same equations are solved along the tree (`along.rs`).
 
-use nerd_core::dynamics::{crba, to_local, to_world};
+use nerd_core::dynamics::{crba, inertias, to_local, to_world};
 
 use super::touch::{Contact, EVEN, Touch, ahead};
-use super::{along::Tree, config::Asked, energy::WHIRL, fold::fold, kick::Substep, touches::Touches, workspace::Workspace};
+use super::{config::Asked, energy::WHIRL, fold::fold, kick::Substep, touches::Touches, workspace::Workspace};
 use crate::prelude::*;
 use crate::solver::gone;
 
@@ -74,7 +74,7 @@ impl Workspace {
             fold(system, &self.stiff.bounds.folds, own.whole, h, config.friction, &mut self.data);
         }
         match self.touches.tree {
-            Some(_) => Tree::begin(robot, &mut self.data),
+            Some(_) => inertias(robot, &mut self.data),
             None => crba(robot, &mut self.data),
         }
         if self.touches.shared != h {

@@ -11,13 +11,7 @@ use crate::solver::{Fault, Slopes, finish, sound};
 impl<M: Motion> Resident for OnDevice<M> {
     fn hold(&mut self, batch: &Batch) -> Result<(), StepError> {
         let torques = vec![0.0; batch.len() * batch.system.robot.joint_count()];
-        sound(batch, &torques, &mut self.faults)?;
-        if !self.faults.is_empty() {
-            return Err(StepError::Environments(std::mem::take(&mut self.faults)));
-        }
-        self.motion.capabilities().admit(batch)?;
-        self.motion.check(batch)?;
-        self.prepare(batch)?;
+        self.take_all(batch, &torques)?;
         let Some((Made { held, reach, .. }, device)) = self.made.as_mut().zip(self.motion.device()) else { return Ok(()) };
         take(held, device, batch, self.motion.config(), *reach, (&torques, 0))?;
         device.write(&held.faults, &vec![0; held.n]).map_err(failed)?;
@@ -79,6 +73,17 @@ impl<M: Motion> OnDevice<M> {
     /// Nothing is opened before its first step.
     pub fn by(motion: M) -> Self {
         Self { motion, made: None, next: Vec::new(), faults: Vec::new() }
+    }
+
+    /// Prepares for a batch of which every environment is sound.
+    fn take_all(&mut self, batch: &Batch, torques: &[f64]) -> Result<(), StepError> {
+        sound(batch, torques, &mut self.faults)?;
+        if !self.faults.is_empty() {
+            return Err(StepError::Environments(std::mem::take(&mut self.faults)));
+        }
+        self.motion.capabilities().admit(batch)?;
+        self.motion.check(batch)?;
+        self.prepare(batch)
     }
 
     /// Kernels and memory that fit the batch.
@@ -159,13 +164,7 @@ impl<M: Motion> Solver for OnDevice<M> {
         if wide == 0 || by_next.len() != wide {
             return Err(StepError::Solver(format!("{} numbers of gradients, {wide} are needed, and some", by_next.len())));
         }
-        sound(batch, torques, &mut self.faults)?;
-        if !self.faults.is_empty() {
-            return Err(StepError::Environments(std::mem::take(&mut self.faults)));
-        }
-        self.motion.capabilities().admit(batch)?;
-        self.motion.check(batch)?;
-        self.prepare(batch)?;
+        self.take_all(batch, torques)?;
         self.motion.keep(batch, 1)?;
         let Some((Made { held, reach, rows: memory, .. }, device)) = self.made.as_mut().zip(self.motion.device()) else {
             return Ok(Slopes::default());

@@ -74,20 +74,7 @@ impl Row {
             by_stage[3..7].iter_mut().zip(spun.coords.iter()).for_each(|(b, s)| *b += s);
         }
     }
-}
 
-/// The four numbers `x y z w` of a quaternion of any size.
-fn numbers(x: &[f64]) -> Quaternion<f64> {
-    Quaternion::new(x[3], x[0], x[1], x[2])
-}
-
-/// The gradient by a quaternion's numbers, of any size, from that by the turn (fixed axes) that they make: `t = 2 Im(dQ Q*) / |Q|^2`.
-fn turned_back(q: &[f64], by_turn: &Vector3<f64>) -> Quaternion<f64> {
-    let q = numbers(q);
-    Quaternion::from_imag(*by_turn) * q * (2.0 / q.norm_squared())
-}
-
-impl Row {
     /// Writes its gradients by the numbers of a state `[q, qd]`, whose quaternion may be of any size.
     fn numbers(&self, robot: &Robot, state: &[f64], out: &mut [f64]) {
         let (dofs, coords, nq) = (robot.root_dofs(), robot.root_coords(), robot.nq());
@@ -109,4 +96,15 @@ impl Row {
             set(&mut self.pose, [turn, vector(by)]);
         }
     }
+}
+
+/// The four numbers `x y z w` of a quaternion of any size.
+fn numbers(x: &[f64]) -> Quaternion<f64> {
+    Quaternion::new(x[3], x[0], x[1], x[2])
+}
+
+/// The gradient by a quaternion's numbers, of any size, from that by the turn (fixed axes) that they make: `t = 2 Im(dQ Q*) / |Q|^2`.
+fn turned_back(q: &[f64], by_turn: &Vector3<f64>) -> Quaternion<f64> {
+    let q = numbers(q);
+    Quaternion::from_imag(*by_turn) * q * (2.0 / q.norm_squared())
 }
