@@ -85,11 +85,7 @@ fn sampled(name: &str, scene: &str, config: ArticulatedConfig) -> Case {
 }
 
 /// A chain on the ground, of links with two hinges each: deep enough that solver and kernels go along the tree and look for whips.
-fn chain(links: usize) -> System {
-    System::bare("chain", &chain_text(links), false).expect("a robot")
-}
-
-fn chain_text(links: usize) -> String {
+fn chain(links: usize) -> String {
     let (ball, mut parts) = (collision([0.05, 0.0, 0.0], r#"<sphere radius="0.005"/>"#), vec![base()]);
     for k in 0..links {
         let (above, place) = if k == 0 { ("base".into(), "0 0 0.1") } else { (format!("b{}", k - 1), "0.05 0 0") };
@@ -106,7 +102,7 @@ fn chain_text(links: usize) -> String {
 #[test]
 fn a_long_chain_moves_as_the_solver_has_it() {
     let Some(compiler) = Compiler::find() else { return };
-    let mut system = chain(12);
+    let mut system = System::bare("chain", &chain(12), false).expect("a robot");
     system.spec.material = Material { stiffness: 300.0, damping: 1.0, friction_damping: 10.0, friction: 0.5 };
     let system = Arc::new(system);
     let mut batch = batch(&system, "plane", 8);
@@ -201,7 +197,7 @@ fn cubes_meet_a_peg_as_the_solver_has_it() {
 #[test]
 fn springs_pull_as_the_solver_has_them() {
     let Some(compiler) = Compiler::find() else { return };
-    let mut system = chain(1);
+    let mut system = System::bare("chain", &chain(1), false).expect("a robot");
     for (joint, spring) in system.robot.joints_mut().zip([(0.02, 0.4), (50.0, -0.3)]) {
         (joint.stiffness, joint.rest) = spring;
     }
@@ -230,7 +226,7 @@ fn links_on_each_other_move_as_the_solver_has_them() {
     let parts =
         [link("trunk", 1.0, [0.0; 3], [5e-3; 3], ""), arm("left"), arm("right"), hinge("l", "left", -0.1), hinge("r", "right", 0.1)];
     let ball = |text: String| text.replace(r#"<sphere radius="0.005"/>"#, r#"<sphere radius="0.02"/>"#);
-    for (name, text, floating, angle) in [("arms", urdf(&parts), true, 0.45), ("chain", ball(chain_text(12)), false, 0.65)] {
+    for (name, text, floating, angle) in [("arms", urdf(&parts), true, 0.45), ("chain", ball(chain(12)), false, 0.65)] {
         let toml = format!("like = \"urdf\"\nfloating = {floating}\nself_collision = true\nmesh_points = 0\n");
         let system = Arc::new(System::from_text(name, &text, Some(&toml)).expect("a robot"));
         let (mut batch, robot) = (batch(&system, "free", 8), &system.robot);
@@ -346,7 +342,7 @@ fn kernels_go_back_as_the_solver_does() {
         cases.push(case);
     }
     // Joints that rub and spring, one of them too stiff for its substep, without anything to touch.
-    let mut system = chain(1);
+    let mut system = System::bare("chain", &chain(1), false).expect("a robot");
     for (joint, numbers) in system.robot.joints_mut().zip([(0.02, 0.4, 1e-4), (50.0, -0.3, 2e-4)]) {
         (joint.stiffness, joint.rest, joint.friction) = numbers;
     }

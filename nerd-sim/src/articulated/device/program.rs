@@ -11,7 +11,7 @@ use super::super::implicit::{CALM, HALVINGS};
 use super::super::kick::{LOST as FAR_OFF, OFF, PASSES, SETTLED};
 use super::super::stiff::{Bounds, MOST, MOST_DRAG, MOST_RK4, POWERS};
 use super::super::touch::{CREEP, EVEN};
-use super::{super::along, super::fold::FOLLOWED};
+use super::super::{along, fold::FOLLOWED};
 use crate::prelude::*;
 use crate::system::capsules::{BARREL, Capsule};
 
