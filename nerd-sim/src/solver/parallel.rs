@@ -89,13 +89,10 @@ impl<F: Frame> Parallel<F> {
     pub(crate) fn step(&mut self, config: &F::Config, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
         Self::CAPABILITIES.admit(batch)?;
         sound(batch, torques, self.faults.get_mut().unwrap_or_else(PoisonError::into_inner))?;
-        let prepared = self.prepare(batch).map_err(StepError::Solver)?;
+        self.prepare(batch).map_err(StepError::Solver)?;
         let system = &*batch.system;
         let (d, joints) = (system.robot.state_dim(), system.robot.joint_count());
         let chunks = batch.len().div_ceil(F::CHUNK);
-        while self.frames.len() < chunks {
-            self.frames.push(F::new(system, prepared.clone()));
-        }
         let own = &self.own;
         // Out of the batch while that is read by all.
         let mut forces = std::mem::take(&mut batch.forces);
@@ -168,10 +165,7 @@ impl<F: Frame> Parallel<F> {
         }
         let mut faults = Vec::new();
         sound(batch, torques, &mut faults)?;
-        let prepared = self.prepare(batch).map_err(StepError::Solver)?;
-        while self.frames.len() < n.div_ceil(F::CHUNK) {
-            self.frames.push(F::new(&batch.system, prepared.clone()));
-        }
+        self.prepare(batch).map_err(StepError::Solver)?;
         let own = &self.own;
         let go = |(env, state, frame): (usize, &[f64], &mut F)| {
             frame.drive(batch.driven(env));
@@ -208,8 +202,8 @@ impl<F: Frame> Parallel<F> {
         if faults.is_empty() { Ok(out) } else { Err(StepError::Environments(faults)) }
     }
 
-    /// Looks at the batch's robots as far as they are others than in the last frame.
-    fn prepare(&mut self, batch: &Batch) -> Result<Arc<F::Prepared>, String> {
+    /// Looks at the batch's robots as far as they are others than in the last frame, and makes memory for all chunks.
+    fn prepare(&mut self, batch: &Batch) -> Result<(), String> {
         let prepared = match &self.prepared {
             Some((system, prepared)) if Arc::ptr_eq(system, &batch.system) => prepared.clone(),
             _ => {
@@ -237,6 +231,9 @@ impl<F: Frame> Parallel<F> {
                 None => self.own.push(prepared),
             }
         }
-        Ok(prepared)
+        while self.frames.len() < batch.len().div_ceil(F::CHUNK) {
+            self.frames.push(F::new(&batch.system, prepared.clone()));
+        }
+        Ok(())
     }
 }
