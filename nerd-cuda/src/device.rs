@@ -1,18 +1,15 @@
 //! One GPU: context, two streams, compiled kernels.
 
-use std::cell::RefCell;
-use std::collections::HashMap;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::{cell::RefCell, collections::HashMap, sync::Arc};
 
 use cudarc::cublas::{CudaBlas, sys as blas};
 use cudarc::driver::{self, CudaContext, CudaEvent, CudaFunction, CudaGraph, CudaStream, sys};
 use cudarc::nvrtc;
 
-use crate::compile::compiled;
 use crate::error::{DeviceError, failed};
 use crate::memory::{Buffer, allocate, check_fit};
-use crate::precision::Precision;
+use crate::{compile::compiled, precision::Precision};
 
 /// Bytes cuBLAS may use per stream; fixed, so that it always chooses the same algorithms.
 const WORKSPACE: usize = 32 << 20;
@@ -28,6 +25,9 @@ pub enum Lane {
     /// Beside it.
     Side,
 }
+
+/// Blocks of a grid or threads of a block, along x and y.
+pub type Extent = (usize, usize);
 
 static ORDINAL: AtomicUsize = AtomicUsize::new(0);
 
@@ -232,27 +232,12 @@ impl Device {
     }
 
     /// Launches a kernel on the main stream with `shared` bytes of dynamic shared memory.
-    pub fn launch(
-        &self,
-        kernel: &str,
-        grid: (usize, usize),
-        block: (usize, usize),
-        shared: usize,
-        args: &[Arg],
-    ) -> Result<(), DeviceError> {
+    pub fn launch(&self, kernel: &str, grid: Extent, block: Extent, shared: usize, args: &[Arg]) -> Result<(), DeviceError> {
         self.launch_on(Lane::Main, kernel, grid, block, shared, args)
     }
 
     /// Launches a kernel on `lane`.
-    pub fn launch_on(
-        &self,
-        lane: Lane,
-        kernel: &str,
-        grid: (usize, usize),
-        block: (usize, usize),
-        shared: usize,
-        args: &[Arg],
-    ) -> Result<(), DeviceError> {
+    pub fn launch_on(&self, lane: Lane, kernel: &str, grid: Extent, block: Extent, shared: usize, args: &[Arg]) -> Result<(), DeviceError> {
         let function = self.kernels.get(kernel).ok_or_else(|| DeviceError(format!("no kernel `{kernel}`")))?;
         // Little endian: a 32-bit argument is the low half of its slot.
         let mut slots: Vec<u64> = args.iter().map(Arg::bits).collect();

@@ -14,7 +14,7 @@ mod products;
 mod sums;
 
 pub use cudarc::driver::CudaEvent as Event;
-pub use device::{Arg, Device, Lane, ordinal, take};
+pub use device::{Arg, Device, Extent, Lane, ordinal, take};
 pub use error::DeviceError;
 pub use graph::Replay;
 pub use memory::Buffer;

@@ -1,7 +1,6 @@
 //! Memory of a device.
 
-use std::marker::PhantomData;
-use std::sync::Arc;
+use std::{marker::PhantomData, sync::Arc};
 
 use cudarc::driver::{self, CudaContext};
 

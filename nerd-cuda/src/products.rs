@@ -3,8 +3,7 @@
 use cudarc::cublas::{self, sys as blas};
 
 use crate::device::{Device, Lane};
-use crate::error::DeviceError;
-use crate::precision::Precision;
+use crate::{error::DeviceError, precision::Precision};
 
 /// Whether an operand of a product is transposed.
 #[derive(Clone, Copy)]

@@ -9,8 +9,7 @@ use std::sync::OnceLock;
 use libloading::{Library, Symbol};
 
 use crate::device::{Device, Lane};
-use crate::error::DeviceError;
-use crate::memory::Buffer;
+use crate::{error::DeviceError, memory::Buffer};
 
 /// Without and with the packages for developers.
 const NAMES: [&str; 2] = ["libnccl.so.2", "libnccl.so"];

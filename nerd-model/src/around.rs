@@ -1,12 +1,9 @@
 //! What surrounds the network of a robot that is seen by one token: from outputs to the change of a state, and the way back of a frame.
 
-use crate::base::Base;
-use crate::features::Features;
-use crate::form::Form;
-use crate::normalizer::Normalizer;
 use crate::prelude::*;
 use crate::slopes::{Seen, apply_back, token_back};
 use crate::trapezoid;
+use crate::{base::Base, features::Features, form::Form, normalizer::Normalizer};
 
 /// What a robot's tokens and predictions mean.
 #[derive(Clone)]
@@ -32,7 +29,7 @@ impl Around {
         let (robot, time, prediction) = (&self.system.robot, self.system.frame_time, self.change(outputs).collect::<Vec<_>>());
         let (mut change, mut by_change) = (prediction.clone(), vec![0.0; before.len()]);
         if self.form.base == Base::Trapezoid {
-            trapezoid::add(robot, time, before, &mut change);
+            trapezoid::carry(robot, time, before, &mut change, 1.0);
         }
         apply_back(robot, before, &change, upstream, slope, &mut by_change);
         if self.form.base == Base::Trapezoid {

@@ -11,18 +11,12 @@
 //!
 //! No token or target knows a mass, force or acceleration.
 
-use std::sync::Arc;
-
-use nalgebra::{Isometry3, Vector3};
-use nerd_core::contact::{ContactEvent, ContactPoint};
-use nerd_core::dynamics::{Data, kinematics, link_pose, velocities};
-use nerd_core::frames::RootFrame;
-use nerd_core::robot::{Joint, JointKind, Robot};
-use nerd_core::state::{quaternion, wrap, wrap_state, write_quaternion};
-use nerd_sim::system::System;
+use nerd_core::dynamics::{link_pose, velocities};
+use nerd_core::state::wrap_state;
 
 use crate::base::Base;
 use crate::form::{Form, View};
+use crate::prelude::*;
 use crate::trapezoid;
 
 /// Gaps (m) that are much smaller are told apart, larger ones are far.
@@ -198,7 +192,7 @@ impl Features {
             change[3..7].copy_from_slice(turn.coords.as_slice());
         }
         if self.form.base == Base::Trapezoid {
-            trapezoid::remove(robot, system.frame_time, state, &mut change);
+            trapezoid::carry(robot, system.frame_time, state, &mut change, -1.0);
         }
         cast(&change, out);
     }
@@ -211,7 +205,7 @@ impl Features {
         frame.state_in(robot, state, &mut self.near);
         let mut change = change.to_vec();
         if self.form.base == Base::Trapezoid {
-            trapezoid::add(robot, system.frame_time, state, &mut change);
+            trapezoid::carry(robot, system.frame_time, state, &mut change, 1.0);
         }
         self.far.iter_mut().zip(self.near.iter().zip(&change)).for_each(|(f, (n, c))| *f = n + c);
         if robot.floating() {

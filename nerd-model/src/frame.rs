@@ -3,10 +3,9 @@
 use nerd_core::state::wrap_state;
 use nerd_sim::solver::{Fault, Slopes};
 
-use crate::around::Around;
-use crate::features::Features;
 use crate::prelude::*;
 use crate::program::cpu::{Loaded, Memory, Pass};
+use crate::{around::Around, features::Features};
 
 /// Working memory of one thread.
 pub(crate) struct Frame {
@@ -81,7 +80,7 @@ impl Frame {
             seen.push(self.events.clone());
         }
         let outputs = network.forward(&tokens, &mut self.memory, Pass::Kept(1)).clone();
-        let mut found = Slopes { next: vec![0.0; count * d], states: vec![0.0; count * rows * wide], torques: Vec::new() };
+        let mut found = Slopes { next: vec![0.0; count * d], states: vec![0.0; count * rows * wide], ..Slopes::default() };
         self.apply(batch, first, &outputs, &mut found.next);
         found.next.chunks_exact_mut(d).for_each(|next| wrap_state(robot, next));
         found.torques.resize(count * rows * joints, 0.0);

@@ -4,14 +4,12 @@
 //! frame of reference, and the network ([`Stream`]) remembers the last ones. A gap in an environment's frames (a reset, frames stepped by
 //! another solver, a failed frame) clears that memory.
 
-use nerd_sim::batch::Batch;
-use nerd_sim::solver::{Fault, Slopes, Solver, StepError, check, commit};
+use nerd_sim::solver::{Fault, Slopes, check, commit};
 use rayon::prelude::*;
 
-use crate::folder::Model;
-use crate::frame::Frame;
-use crate::program::cpu::Loaded;
+use crate::prelude::*;
 use crate::transformer::{Architecture, ForwardError, Stream, even, packed};
+use crate::{frame::Frame, program::cpu::Loaded};
 
 /// Environments that one thread prepares in a row.
 const CHUNK: usize = 16;
@@ -128,8 +126,9 @@ impl Solver for Neural {
             frame.back((batch, torques), network, envs, (rows, by_next))
         };
         let parts: Vec<Slopes> = self.frames.par_iter_mut().take(batch.len().div_ceil(size)).enumerate().map(one).collect();
-        let all = |of: fn(&Slopes) -> &[f64]| parts.iter().map(of).collect::<Vec<_>>().concat();
-        Ok(Slopes { next: all(|s| &s.next), states: all(|s| &s.states), torques: all(|s| &s.torques) })
+        let mut all = Slopes::default();
+        parts.into_iter().for_each(|part| all.append(part));
+        Ok(all)
     }
 
     fn reset(&mut self, env: usize) {

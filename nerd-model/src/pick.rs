@@ -8,10 +8,8 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::chain::ChainSolver;
-use crate::folder::ModelError;
 use crate::prelude::*;
-use crate::transformer::Architecture;
+use crate::{chain::ChainSolver, folder::ModelError, transformer::Architecture};
 
 /// A solver at one setting. Its words, in every table and picture, are those of [`Setting::series`] and of its `Display`:
 ///

@@ -12,17 +12,13 @@
 //! and joints add. Contacts are found anew in every frame. What is held constant is the curvature of surfaces (normals turn with the root,
 //! not with the place), which vertex of a hull and which place of a rim is deepest, and which contacts are near enough to be seen.
 
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
-use nerd_core::contact::ContactEvent;
-use nerd_core::dynamics::{Data, kinematics, velocities};
-use nerd_core::frames::own_velocity;
-use nerd_core::robot::Robot;
-use nerd_core::spatial::{Motion, Wrench};
-use nerd_core::state::vector;
+use nalgebra::Quaternion;
 use nerd_core::tangent::{push, wrenches_back};
+use nerd_core::{dynamics::velocities, frames::own_velocity};
 
 use crate::features::{Features, nearness_slope, waves};
 use crate::form::View;
+use crate::prelude::*;
 
 /// What a token is made of.
 pub struct Seen<'a> {

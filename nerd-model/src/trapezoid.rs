@@ -4,12 +4,11 @@
 //! Of a free root (own axes, `a` angular and `b` linear) `d = T (b + c_b / 2) + c_d`, and its turn is `exp(T (a + c_a / 2)) c_n`. So positions
 //! go with velocities, and what is left to learn of them is what contact does within the frame.
 
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use nalgebra::Quaternion;
 use nerd_core::frames::own_velocity;
-use nerd_core::robot::Robot;
-use nerd_core::state::vector;
 
 use crate::normalizer::Moments;
+use crate::prelude::*;
 
 /// The turn (rotation vector) and way of a free root at the mean velocities, in its own axes.
 fn carried(robot: &Robot, time: f64, state: &[f64], change: &[f64]) -> [Vector3<f64>; 2] {
@@ -19,14 +18,6 @@ fn carried(robot: &Robot, time: f64, state: &[f64], change: &[f64]) -> [Vector3<
 
 fn turn(change: &[f64]) -> Quaternion<f64> {
     Quaternion::new(change[6], change[3], change[4], change[5])
-}
-
-/// Joints alone: adds `sign` times the way at the mean velocities.
-fn joints(robot: &Robot, time: f64, state: &[f64], change: &mut [f64], sign: f64) {
-    let (nq, coords, dofs) = (robot.nq(), robot.root_coords(), robot.root_dofs());
-    for i in 0..robot.joint_count() {
-        change[coords + i] += sign * time * (state[nq + dofs + i] + 0.5 * change[nq + dofs + i]);
-    }
 }
 
 /// Lets what positions miss count as velocities do: its scale is that of the velocity's change times the frame's time. What smooth motion
@@ -42,29 +33,21 @@ pub fn level(robot: &Robot, time: f64, outputs: &mut Moments) {
     }
 }
 
-/// From a prediction to the change of the state.
-pub fn add(robot: &Robot, time: f64, state: &[f64], change: &mut [f64]) {
-    joints(robot, time, state, change, 1.0);
+/// From a prediction to the change of the state (`sign` 1), or back (-1).
+pub fn carry(robot: &Robot, time: f64, state: &[f64], change: &mut [f64], sign: f64) {
+    let (nq, coords, dofs) = (robot.nq(), robot.root_coords(), robot.root_dofs());
+    for i in 0..robot.joint_count() {
+        change[coords + i] += sign * time * (state[nq + dofs + i] + 0.5 * change[nq + dofs + i]);
+    }
     if robot.floating() {
         let [u, way] = carried(robot, time, state, change);
-        let turned = UnitQuaternion::from_scaled_axis(u).into_inner() * turn(change);
-        change[..3].iter_mut().zip(way.iter()).for_each(|(x, d)| *x += d);
+        let turned = UnitQuaternion::from_scaled_axis(u * sign).into_inner() * turn(change);
+        change[..3].iter_mut().zip(way.iter()).for_each(|(x, d)| *x += sign * d);
         change[3..7].copy_from_slice(turned.coords.as_slice());
     }
 }
 
-/// From the change of the state to what is predicted.
-pub fn remove(robot: &Robot, time: f64, state: &[f64], change: &mut [f64]) {
-    joints(robot, time, state, change, -1.0);
-    if robot.floating() {
-        let [u, way] = carried(robot, time, state, change);
-        let turned = UnitQuaternion::from_scaled_axis(-u).into_inner() * turn(change);
-        change[..3].iter_mut().zip(way.iter()).for_each(|(x, d)| *x -= d);
-        change[3..7].copy_from_slice(turned.coords.as_slice());
-    }
-}
-
-/// The way back of [`add`]: turns a gradient by the change into one by the prediction, and adds to `slope` what comes to the state, in its
+/// The way back of [`carry`] to the change: turns a gradient by the change into one by the prediction, and adds to `slope` what comes to the state, in its
 /// tangent space ([`crate::slopes`]).
 pub fn back(robot: &Robot, time: f64, state: &[f64], prediction: &[f64], by: &mut [f64], slope: &mut [f64]) {
     let (nq, nv, coords, dofs) = (robot.nq(), robot.nv(), robot.root_coords(), robot.root_dofs());

@@ -141,7 +141,6 @@ fn slopes_of_a_frame_are_those_of_differences() {
         let wanted = (value(1e-3) - value(-1e-3)) / 2e-3;
         worst = worst.max((found - wanted).abs() / wanted.abs().max(1.0));
     }
-    println!("slopes are {worst:.1e} from those of differences");
     assert!(worst < 2e-3, "slopes are {worst:.1e} from those of differences");
 }
 

@@ -1,8 +1,7 @@
 //! Tokens and targets: what is predicted leads to the next state in every form, and a token sees what it should.
 
-use nerd_model::base::Base;
-use nerd_model::features::Features;
 use nerd_model::form::{Form, View};
+use nerd_model::{base::Base, features::Features};
 use nerd_sim::prelude::*;
 
 fn forms() -> impl Iterator<Item = Form> {

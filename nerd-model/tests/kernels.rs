@@ -7,7 +7,8 @@ mod cpp;
 
 use std::sync::Mutex;
 
-use common::placed;
+use common::{fallen, placed};
+use cpp::{Compiler, bytes, doubles, floats};
 use nerd_model::base::Base;
 use nerd_model::chain::{Chain, ChainSolver, INPUTS, Look, OUTPUTS, chain_program};
 use nerd_model::device::{Products, held_in_f16, padded, program, settings, whole_program};
@@ -17,17 +18,6 @@ use nerd_model::program::cpu::{Loaded, Memory, Pass};
 use nerd_model::transformer::{Architecture, ForwardError, Positions, Stream, TransformerConfig, Weights};
 use nerd_sim::articulated::device::{Reach, Real, record};
 use nerd_sim::dataset::{GenerateConfig, begin};
-
-/// Environments that mostly touch something.
-fn fallen(system: &Arc<System>, scene: &str, n: usize) -> (Batch, Vec<f64>) {
-    let mut batch = Batch::new(system, &system.scene(scene).expect("a scene"), n);
-    (0..n).for_each(|env| batch.reset(env, &start(system, Start::Sample, &mut stream(5, env as u64))));
-    let mut solver = Articulated::new(ArticulatedConfig::accurate(system));
-    let idle = vec![0.0; n * system.robot.joint_count()];
-    (0..25).for_each(|_| solver.step(&mut batch, &idle).expect("it can be stepped"));
-    let torques = (0..idle.len()).map(|k| 3.0 * (k as f64 * 0.7).sin()).collect();
-    (batch, torques)
-}
 
 /// A network whose predictions are given, and which notes its tokens.
 struct Given {
@@ -45,33 +35,29 @@ impl Stream for Given {
     fn clear(&mut self, _: usize) {}
 }
 
-fn floats(bytes: &[u8]) -> Vec<f32> {
-    bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect()
-}
-
-/// A frame by the kernels of a text: so many tokens of so many inputs, and next states.
+/// A frame by the kernels of a text, after these lines: so many tokens of so many inputs, and next states.
 fn frame(
-    compiler: &cpp::Compiler,
-    text: &str,
+    compiler: &Compiler,
+    (text, launches): (&str, [&str; 2]),
     batch: &Batch,
-    config: &ArticulatedConfig,
     torques: &[f64],
     predictions: &[f32],
     (rows, inputs): (usize, usize),
 ) -> (Vec<f32>, Vec<f64>) {
     let (n, reach) = (batch.len(), Reach::of(batch));
-    let scenes: Vec<f64> = batch.scenes.iter().flat_map(|s| record(s, &batch.system, config, reach).expect("it has kernels")).collect();
-    let mut input: Vec<u8> = [n as i32; 2].iter().flat_map(|x| x.to_le_bytes()).collect();
-    input.extend(batch.states.iter().chain(torques).chain(&scenes).flat_map(|x| x.to_le_bytes()));
-    input.extend((0..n as i32).flat_map(i32::to_le_bytes));
-    input.extend(predictions.iter().flat_map(|x| x.to_le_bytes()));
-    let output = compiler.run(text, input);
-    let (faults, rest) = output.split_at(4 * n);
-    assert!(faults.iter().all(|b| *b == 0), "{faults:?}");
-    let (tokens, rest) = rest.split_at(4 * rows * padded(inputs));
-    let states = &rest[rest.len() - 8 * batch.states.len()..];
-    let tokens = tokens.chunks(4 * padded(inputs)).flat_map(|token| floats(&token[..4 * inputs])).collect();
-    (tokens, states.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect())
+    let scenes: Vec<f64> =
+        batch.scenes.iter().flat_map(|s| record(s, &batch.system, &settings(), reach).expect("it has kernels")).collect();
+    let [states, torques, scenes] = [&*batch.states, torques, &scenes].map(|numbers| bytes(numbers, f64::to_le_bytes));
+    let [scene_of, held] = [Vec::from_iter(0..n as i32), vec![1]].map(|numbers| bytes(&numbers, i32::to_le_bytes));
+    let [tokens, faults, done, taken, memo] = [4 * rows * padded(inputs), 4 * n, 4 * n, 4 * n, 2 * states.len()].map(|size| vec![0; size]);
+    let predictions = bytes(predictions, f32::to_le_bytes);
+    let buffers = [states, torques, scenes, scene_of, tokens, faults, done, held, predictions, taken, memo];
+    // Threads beyond the last do nothing.
+    let lines = launches.map(|kernel| format!("for (blockIdx.x = 0; blockIdx.x < 8 * n; blockIdx.x++) {kernel};\n"));
+    let found = compiler.launch(text, &format!("const int n = {n};\n{}", lines.concat()), &buffers);
+    assert!(found[5].iter().all(|b| *b == 0), "{:?}", found[5]);
+    let tokens = floats(&found[4]).chunks(padded(inputs)).flat_map(|token| token[..inputs].to_vec()).collect();
+    (tokens, doubles(&found[0]))
 }
 
 fn apart<T: Copy + Into<f64>>(a: &[T], b: &[T]) -> f64 {
@@ -81,7 +67,8 @@ fn apart<T: Copy + Into<f64>>(a: &[T], b: &[T]) -> f64 {
 
 #[test]
 fn kernels_tell_and_apply_as_the_solver_does() {
-    let Some(compiler) = cpp::Compiler::find() else { return };
+    let Some(compiler) = Compiler::find() else { return };
+    let launches = ["neural_tell(b[0], b[1], b[2], b[3], b[4], b[5], b[6], n, b[7])", "neural_apply(b[0], b[8], b[9], b[5], b[6], n)"];
     let table = [
         ("cartpole", "free", Base::State),
         ("franka", "free", Base::Trapezoid),
@@ -96,7 +83,9 @@ fn kernels_tell_and_apply_as_the_solver_does() {
     let each = |(robot, scene, base)| [View::Own, View::Moving].map(|view| (robot, scene, Form { base, view }));
     for (robot, scene, form) in table.into_iter().flat_map(each) {
         let (system, n) = (System::named(robot).expect("built in"), 40);
-        let (batch, torques) = fallen(&system, scene, n);
+        // Most touch something.
+        let batch = fallen(&system, scene, n, (Start::Sample, 5), 25);
+        let torques: Vec<f64> = (0..n * system.robot.joint_count()).map(|k| 3.0 * (k as f64 * 0.7).sin()).collect();
         let mut model = placed(&system, form, Positions::Rotary);
         // Nothing of a token is where it would be without its normaliser, and turns are near those that are none.
         model.normalizer.inputs.mean.iter_mut().enumerate().for_each(|(k, m)| *m = 0.1 * (k as f64).sin());
@@ -107,22 +96,20 @@ fn kernels_tell_and_apply_as_the_solver_does() {
         let (mut own, noted) = (batch.clone(), Arc::new(Mutex::new(Vec::new())));
         let given = Given { predictions: predictions.clone(), tokens: noted.clone() };
         Neural::new(model.clone(), Box::new(given)).step(&mut own, &torques).expect("finite");
-        let config = settings();
         for (real, most) in [(Real::F64, [1e-6, 1e-9]), (Real::F32, [1e-4, 2e-4])] {
             let name = format!("{robot}-{scene}-{real:?}");
             let text = program(model.config.form(), &model.normalizer, &system, real, Reach::of(&batch).colliders);
             let shape = (n, model.config.network.inputs);
-            let (tokens, states) = frame(&compiler, &text, &batch, &config, &torques, &predictions, shape);
+            let (tokens, states) = frame(&compiler, (&text, launches), &batch, &torques, &predictions, shape);
             let (tokens, states) = (apart(&tokens, &noted.lock().expect("done")), apart(&states, &own.states));
-            println!("{name} {form:?}: tokens {tokens:.1e}, states {states:.1e} apart");
-            assert!(tokens < most[0] && states < most[1], "{name}: {tokens:e}, {states:e}");
+            assert!(tokens < most[0] && states < most[1], "{name}, {form:?}: tokens {tokens:e}, states {states:e} apart");
         }
     }
 }
 
 #[test]
 fn kernels_of_a_chain_tell_and_apply_as_its_solver_does() {
-    let Some(compiler) = cpp::Compiler::find() else { return };
+    let Some(compiler) = Compiler::find() else { return };
     const LEADS: usize = 8;
     let system = System::named("lead-pegs").expect("built in");
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../models/lead-pegs");
@@ -146,11 +133,11 @@ fn kernels_of_a_chain_tell_and_apply_as_its_solver_does() {
     let near = tokens.chunks(INPUTS).filter(|token| token[17] > 0.0).count();
     let scale: [f64; OUTPUTS] = ChainSolver::scale(&model.normalizer).expect("a chain's normaliser");
     let text = chain_program(&chain, &scale, &system, Reach::of(&batch).colliders);
-    let settings = ArticulatedConfig::implicit(1, Friction::Coulomb);
-    let (own, states) = frame(&compiler, &text, &batch, &settings, &torques, &outputs, (LEADS * chain.rods, INPUTS));
+    let tell = "chain_tell(b[0], b[1], b[2], b[3], b[10], b[4], b[5], b[6], n, b[7])";
+    let launches = [tell, "chain_apply(b[0], b[10], b[8], b[5], b[6], n)"];
+    let (own, states) = frame(&compiler, (&text, launches), &batch, &torques, &outputs, (LEADS * chain.rods, INPUTS));
     solver.step(&mut batch, &torques).expect("it can be stepped");
     let (tokens, states) = (apart(&own, &tokens), apart(&states, &batch.states));
-    println!("{near} ends of rods near a surface: tokens {tokens:.1e}, states {states:.1e} apart");
     assert!(near > 100 && tokens < 1e-6 && states < 1e-9, "{near} near, tokens {tokens:e}, states {states:e} apart");
 }
 
@@ -165,7 +152,7 @@ fn network(architecture: Architecture, [inputs, outputs, embedding, layers]: [us
 
 #[test]
 fn a_pass_in_one_kernel_is_that_of_the_engine() {
-    let Some(compiler) = cpp::Compiler::find() else { return };
+    let Some(compiler) = Compiler::find() else { return };
     let (chain, residual) = (Architecture::Chain, Architecture::Residual);
     let chains = [([30, 18, 48, 8], 40), ([30, 18, 12, 3], 7)];
     let along = chains.iter().map(|(shape, tokens)| (network(chain, *shape, *tokens), *tokens, 3, Products::F32, 1e-5));
@@ -185,19 +172,20 @@ fn a_pass_in_one_kernel_is_that_of_the_engine() {
         let whole = whole_program(&program, tokens, products).expect("it fits");
         let inputs: Vec<f32> = (0..windows * tokens * c.inputs).map(|k| (k as f32 * 0.71).sin()).collect();
         let packed = whole.packed(&program, &weights.flat);
-        let mut input: Vec<u8> = [windows as i32, packed.len() as i32].iter().flat_map(|x| x.to_le_bytes()).collect();
-        input.extend(packed.iter().flat_map(|x| x.to_le_bytes()));
-        for row in inputs.chunks(c.inputs) {
-            let full = row.iter().copied().chain(std::iter::repeat(0.0)).take(padded(c.inputs));
-            input.extend(full.flat_map(f32::to_le_bytes));
-        }
-        let found = floats(&compiler.run(&whole.text, input));
+        let row = |row: &[f32]| [row, &vec![0.0; padded(row.len()) - row.len()]].concat();
+        let full: Vec<f32> = inputs.chunks(c.inputs).flat_map(row).collect();
+        let [weights_there, tokens_there] = [&*packed, &full].map(|numbers| bytes(numbers, f32::to_le_bytes));
+        let buffers = [weights_there, tokens_there, vec![0; 4 * windows * tokens * c.outputs]];
+        // Unwritten memory is NaN.
+        let text = whole.text.clone() + "extern \"C\" { float s[FLOATS]; }\n";
+        let kernel = format!("for (float& x : s) x = NAN;\nwhole_pass(b[0], b[1], b[2], {windows});");
+        let launches = format!("for (; blockIdx.x * WINDOWS < {windows}; blockIdx.x++) {{\n{kernel}\n}}");
+        let found = floats(&compiler.launch(&text, &launches, &buffers)[2]);
         let (network, rows) = (Loaded::new(program, &weights.flat), Vec::from_iter(0..windows * tokens));
         let wanted = network.forward(&inputs, &mut Memory::default(), Pass::Windows(tokens, &rows)).clone();
         let size = wanted.iter().fold(0.0f32, |most, x| most.max(x.abs()));
         let off = found.iter().zip(&wanted).map(|(a, b)| (a - b).abs() / size).max_by(f32::total_cmp).unwrap_or(f32::NAN);
         let name = format!("{:?}, E {}, {products:?}", c.architecture, c.embedding);
-        println!("{name}: {off:.1e} off, {} threads, {} windows", whole.threads, whole.windows);
         assert!(found.len() == wanted.len() && off < most, "{name}: {off:e} off, {} of {} numbers", found.len(), wanted.len());
     }
 }

@@ -4,11 +4,9 @@
 
 mod common;
 
-use common::{POSITIONS, gap, model, placed};
-use nerd_model::base::Base;
-use nerd_model::features::Features;
+use common::{POSITIONS, fallen, gap, model, placed};
 use nerd_model::prelude::*;
-use nerd_model::transformer::Positions;
+use nerd_model::{base::Base, features::Features, transformer::Positions};
 use nerd_sim::instruments::{Glide, Hold};
 
 const BOUND: f64 = 1e-5;
@@ -59,8 +57,7 @@ fn a_fork_goes_on_with_the_same_memory() {
         run(&mut all, 12);
         run(&mut bare, 12);
         let apart = [all.batch.state(2), bare.batch.state(0)].map(|state| gap(all.batch.state(0), state));
-        println!("12 frames on: a fork {:.1e} from its original, without memory {:.1e}", apart[0], apart[1]);
-        assert!(apart[0] < BOUND && apart[1] > 10.0 * BOUND, "{apart:?}");
+        assert!(apart[0] < BOUND && apart[1] > 10.0 * BOUND, "12 frames on a fork and one without memory are {apart:?} apart");
     }
 }
 
@@ -85,8 +82,7 @@ fn frames_of_another_solver_in_between_empty_the_window() {
 
 /// `n` environments at starts of the training box, and torques for them.
 fn batch(system: &Arc<System>, scene: &str, n: usize) -> (Batch, Vec<f64>) {
-    let mut batch = Batch::new(system, &system.scene(scene).expect("scene"), n);
-    (0..n).for_each(|env| batch.reset(env, &start(system, Start::Sample, &mut stream(41, env as u64))));
+    let batch = fallen(system, scene, n, (Start::Sample, 41), 0);
     let torques = (0..n * system.robot.joint_count()).map(|i| 20.0 * (i as f64).cos()).collect();
     (batch, torques)
 }

@@ -1,7 +1,7 @@
 //! The cheapest solver of a chart that is accurate enough.
 
 use nerd_model::pick::{Setting, pick};
-use nerd_sim::system::System;
+use nerd_sim::prelude::*;
 
 const CHART: &str = r#"{"robot": "pendulum", "points": [
     {"series": "a", "setting": {"euler": 1}, "microseconds": 0.2, "error": 0.004, "diverged": 3},

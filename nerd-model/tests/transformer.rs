@@ -4,11 +4,11 @@
 use std::collections::HashMap;
 
 use nalgebra::DMatrix;
-use nerd_model::BurnDevice;
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
 use nerd_model::transformer::{
     Architecture, BurnForward, Forward, PackedForward, PackedStream, Positions, Storage, Stream, TransformerConfig, Weights, Windowed,
 };
+use nerd_model::{BurnDevice, base::Base, features::Features};
 
 const SMALL: TransformerConfig = TransformerConfig {
     inputs: 5,
@@ -122,22 +122,18 @@ fn reference(w: &Weights, x: &[f32], tokens: usize) -> Vec<f64> {
 }
 
 #[test]
-fn parameter_counts_are_the_papers() {
-    let counts = [(6, 4, 2_713_668, 10_809_156), (37, 4, 2_719_620, 10_821_060), (72, 13, 2_726_925, 10_835_085)];
-    let more = [(21, 14, 2_717_198, 10_815_566), (215, 29, 2_755_421, 10_891_037), (150, 37, 2_743_461, 10_866_597)];
-    for (inputs, outputs, narrow, wide) in counts.into_iter().chain(more) {
-        assert_eq!(TransformerConfig::paper(inputs, outputs, 192).parameters(), narrow);
-        assert_eq!(TransformerConfig::paper(inputs, outputs, 384).parameters(), wide);
-    }
-}
-
-#[test]
-fn inputs_and_outputs_are_as_wide_as_the_papers() {
-    let widths = [("cartpole", 6, 4), ("pendulum", 37, 4), ("cube", 72, 13), ("franka", 21, 14), ("ant", 215, 29), ("anymal", 150, 37)];
-    for (name, inputs, outputs) in widths {
+fn widths_and_parameter_counts_are_the_papers() {
+    for (name, inputs, outputs, narrow, wide) in [
+        ("cartpole", 6, 4, 2_713_668, 10_809_156),
+        ("pendulum", 37, 4, 2_719_620, 10_821_060),
+        ("cube", 72, 13, 2_726_925, 10_835_085),
+        ("franka", 21, 14, 2_717_198, 10_815_566),
+        ("ant", 215, 29, 2_755_421, 10_891_037),
+        ("anymal", 150, 37, 2_743_461, 10_866_597),
+    ] {
         let system = nerd_sim::system::System::named(name).expect("built in");
-        let features = nerd_model::features::Features::inputs(&system, nerd_model::base::Base::State);
-        assert_eq!((features, nerd_model::features::Features::outputs(&system)), (inputs, outputs), "{name}");
+        assert_eq!((Features::inputs(&system, Base::State), Features::outputs(&system)), (inputs, outputs), "{name}");
+        assert_eq!([192, 384].map(|e| TransformerConfig::paper(inputs, outputs, e).parameters()), [narrow, wide], "{name}");
     }
 }
 
@@ -183,7 +179,6 @@ fn the_stream_equals_the_banded_pass() {
         }
     }
     // These weights magnify rounding; the yardstick is burn's own distance from the pass in f64.
-    println!("{compared} predictions: stream and windows are {worst:?} from the f64 pass, the banded pass {yardstick:.1e}");
     assert!(
         compared == 540 && worst.iter().zip([1.0, 1.0, 2.0]).all(|(w, share)| *w < 1e-5 + share * yardstick),
         "{compared} predictions: {worst:?}, {yardstick:.1e}"
@@ -250,7 +245,6 @@ fn weights_survive_a_file_and_are_no_other_networks() {
     assert!(half.len() * 10 < exact.len() * 7, "{} bytes in place of {}", half.len(), exact.len());
     let half = Weights::from_bytes(SMALL, &half).unwrap();
     let worst = w.flat.iter().zip(&half.flat).map(|(a, b)| (a - b).abs() / a.abs().max(1e-3)).fold(0.0, f32::max);
-    println!("f16 changes a weight by {worst:.1e} of itself");
     assert!(worst > 0.0 && worst <= 2f32.powi(-11), "f16 changes a weight by {worst:.1e} of itself");
     let error = Weights::from_bytes(TransformerConfig { embedding: 28, ..SMALL }, &exact).unwrap_err().to_string();
     assert!(error.contains("embed.weight") && error.contains("[5, 28]"), "{error}");

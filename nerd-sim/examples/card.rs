@@ -1,6 +1,6 @@
 //! A batch stepped on a graphics card: `cargo run --release -p nerd-sim --features cuda --example card`.
 
-use nerd_sim::articulated::device::{CudaArticulated, Real};
+use nerd_sim::articulated::device::{CudaArticulated, Real, Roll};
 use nerd_sim::prelude::*;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

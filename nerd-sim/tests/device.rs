@@ -4,10 +4,9 @@ mod common;
 mod cpp;
 
 use common::*;
-use cpp::Compiler;
+use cpp::{Compiler, bytes, doubles};
 use nerd_sim::articulated::device::{Reach, Real, back_program, goes_back, packed, program, record};
-use nerd_sim::dataset::begin;
-use nerd_sim::drive::holding;
+use nerd_sim::{dataset::begin, drive::holding};
 
 /// How far kernels are from the solver after some frames: the largest difference of each environment's state, relative to 1 and to its
 /// size, and that of all forces, relative to the robot's weight.
@@ -38,19 +37,14 @@ impl Case {
         program(&self.batch.system, &self.config, real, Reach::of(&self.batch))
     }
 
-    /// What a program reads: with so many frames or rows, and numbers at its end.
-    fn input(&self, count: usize, last: &[f64]) -> Vec<u8> {
-        let (batch, n) = (&self.batch, self.batch.len());
-        let mut input: Vec<u8> = [n, count, n].iter().flat_map(|x| (*x as i32).to_le_bytes()).collect();
-        let mut numbers = |values: &[f64]| input.extend(values.iter().flat_map(|x| x.to_le_bytes()));
-        numbers(&batch.states);
-        numbers(&self.torques);
-        for scene in &batch.scenes {
-            numbers(&record(scene, &batch.system, &self.config, Reach::of(batch)).expect("a scene with kernels"));
-        }
-        input.extend((0..n as i32).flat_map(i32::to_le_bytes));
-        input.extend(last.iter().flat_map(|x| x.to_le_bytes()));
-        input
+    /// What kernels read: states, torques, scenes, whose each is, drives.
+    fn buffers(&self) -> Vec<Vec<u8>> {
+        let (batch, n) = (&self.batch, self.batch.len() as i32);
+        let record = |scene| record(scene, &batch.system, &self.config, Reach::of(batch)).expect("a scene with kernels");
+        let scenes: Vec<f64> = batch.scenes.iter().flat_map(|scene| record(scene)).collect();
+        let numbers = [&batch.states, &self.torques, &scenes].map(|numbers| bytes(numbers, f64::to_le_bytes));
+        let whose = bytes(&Vec::from_iter(0..n), i32::to_le_bytes);
+        numbers.into_iter().chain([whose, bytes(&packed(&batch.drives), f64::to_le_bytes)]).collect()
     }
 
     fn apart(&self, compiler: &Compiler, real: Real, frames: usize) -> Apart {
@@ -59,13 +53,12 @@ impl Case {
 
     fn apart_by(&self, compiler: &Compiler, text: &str, frames: usize) -> Apart {
         let (mut batch, system, n) = (self.batch.clone(), &self.batch.system, self.batch.len());
-        let output = compiler.run(text, self.input(frames, &packed(&batch.drives)));
         let (d, points) = (system.robot.state_dim(), system.robot.contact_points.len());
-        assert_eq!(output.len(), 8 * n * d + 4 * n + 24 * n * points);
-        let (states, rest) = output.split_at(8 * n * d);
-        let (faults, forces) = rest.split_at(4 * n);
-        assert!(faults.iter().all(|byte| *byte == 0), "faults {faults:?}");
-        let (states, forces) = (doubles(states), doubles(forces));
+        let kernel = format!("advance(b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], {n}, {frames}, 1);");
+        let buffers = [self.buffers(), [24 * n * points, 4 * n, 4 * n].map(|size| vec![0; size]).into()].concat();
+        let found = compiler.launch(text, &format!("for (; blockIdx.x < {n}; blockIdx.x++) {kernel}"), &buffers);
+        assert!(found[6].iter().all(|byte| *byte == 0), "faults {:?}", found[6]);
+        let (states, forces) = (doubles(&found[0]), doubles(&found[5]));
         assert!(states.iter().chain(&forces).all(|x| x.is_finite()));
         batch.watch();
         let mut solver = Articulated::new(self.config);
@@ -80,10 +73,6 @@ impl Case {
     }
 }
 
-fn doubles(bytes: &[u8]) -> Vec<f64> {
-    bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect()
-}
-
 /// Random starts of a built-in robot a while later, until most of them touch something; torques of an eighth of the gain.
 fn sampled(name: &str, scene: &str, config: ArticulatedConfig) -> Case {
     let system = built_in(name);
@@ -96,11 +85,7 @@ fn sampled(name: &str, scene: &str, config: ArticulatedConfig) -> Case {
 }
 
 /// A chain on the ground, of links with two hinges each: deep enough that solver and kernels go along the tree and look for whips.
-fn chain(links: usize) -> System {
-    System::bare("chain", &chain_text(links), false).expect("a robot")
-}
-
-fn chain_text(links: usize) -> String {
+fn chain(links: usize) -> String {
     let (ball, mut parts) = (collision([0.05, 0.0, 0.0], r#"<sphere radius="0.005"/>"#), vec![base()]);
     for k in 0..links {
         let (above, place) = if k == 0 { ("base".into(), "0 0 0.1") } else { (format!("b{}", k - 1), "0.05 0 0") };
@@ -117,7 +102,7 @@ fn chain_text(links: usize) -> String {
 #[test]
 fn a_long_chain_moves_as_the_solver_has_it() {
     let Some(compiler) = Compiler::find() else { return };
-    let mut system = chain(12);
+    let mut system = System::bare("chain", &chain(12), false).expect("a robot");
     system.spec.material = Material { stiffness: 300.0, damping: 1.0, friction_damping: 10.0, friction: 0.5 };
     let system = Arc::new(system);
     let mut batch = batch(&system, "plane", 8);
@@ -135,7 +120,6 @@ fn a_long_chain_moves_as_the_solver_has_it() {
     let drive = Drive { kp: 1e5, kd: 10.0, target: 2.0, effort: 1e-3, ..Drive::default() };
     case.batch.drives = vec![drive; case.batch.len() * joints];
     let driven = case.apart(&compiler, Real::F64, 1);
-    println!("states {:.1e}, forces {:.1e}; driven {:.1e}, {:.1e}", free.states(0), free.forces, driven.states(0), driven.forces);
     assert!(free.states(0) < 1e-10 && free.forces < 1e-10, "{free:?}");
     assert!(driven.states(0) < 1e-7, "driven: {driven:?}");
 }
@@ -170,7 +154,6 @@ fn leads_among_pegs_move_as_the_solver_has_them() {
     for substeps in [1, 4, 16] {
         case.config = ArticulatedConfig::implicit(substeps, Friction::Coulomb);
         let [double, single] = [Real::F64, Real::F32].map(|real| case.apart(&compiler, real, 1).states(0));
-        println!("x{substeps}, {all} touching, {aside} of them pegs: states {double:.1e}, in 32 bits {single:.1e}");
         assert!(double < 1e-7 && single < 0.1, "x{substeps}: states {double:e} apart, in 32 bits {single:e}");
     }
 }
@@ -185,7 +168,6 @@ fn whips_are_cut_as_the_solver_cuts_them() {
     let text = case.text(Real::F64);
     let uncut = changed(&text, "#define HALVINGS 6", "#define HALVINGS 0");
     let [cut, uncut] = [text, uncut].map(|text| case.apart_by(&compiler, &text, 1).states(0));
-    println!("cut {cut:.1e}, uncut {uncut:.1e} apart");
     assert!(cut < 1e-6 && uncut > 1e-2, "cut {cut:e}, uncut {uncut:e} apart");
 }
 
@@ -208,7 +190,6 @@ fn cubes_meet_a_peg_as_the_solver_has_it() {
     }
     let case = Case { batch, torques: Vec::new(), config: ArticulatedConfig::implicit(2, Friction::Coulomb) };
     let one = case.apart(&compiler, Real::F64, 1);
-    println!("states {:.1e}, forces {:.1e}", one.states(0), one.forces);
     assert!(one.states(0) < 1e-9 && one.forces < 1e-7, "{one:?}");
 }
 
@@ -216,7 +197,7 @@ fn cubes_meet_a_peg_as_the_solver_has_it() {
 #[test]
 fn springs_pull_as_the_solver_has_them() {
     let Some(compiler) = Compiler::find() else { return };
-    let mut system = chain(1);
+    let mut system = System::bare("chain", &chain(1), false).expect("a robot");
     for (joint, spring) in system.robot.joints_mut().zip([(0.02, 0.4), (50.0, -0.3)]) {
         (joint.stiffness, joint.rest) = spring;
     }
@@ -229,7 +210,6 @@ fn springs_pull_as_the_solver_has_them() {
         let mut batch = batch(&system, scene, 8);
         batch.states.iter_mut().enumerate().for_each(|(k, x)| *x = 0.5 * (k as f64).sin());
         let few = Case { batch, torques: vec![1e-3; 16], config }.apart(&compiler, Real::F64, 3);
-        println!("{scene}, {config:?}: states {:.1e}, forces {:.1e}", few.states(0), few.forces);
         assert!(few.states(0) < 1e-9 && few.forces < 1e-7, "{scene}, {config:?}: {few:?}");
     }
 }
@@ -246,7 +226,7 @@ fn links_on_each_other_move_as_the_solver_has_them() {
     let parts =
         [link("trunk", 1.0, [0.0; 3], [5e-3; 3], ""), arm("left"), arm("right"), hinge("l", "left", -0.1), hinge("r", "right", 0.1)];
     let ball = |text: String| text.replace(r#"<sphere radius="0.005"/>"#, r#"<sphere radius="0.02"/>"#);
-    for (name, text, floating, angle) in [("arms", urdf(&parts), true, 0.45), ("chain", ball(chain_text(12)), false, 0.65)] {
+    for (name, text, floating, angle) in [("arms", urdf(&parts), true, 0.45), ("chain", ball(chain(12)), false, 0.65)] {
         let toml = format!("like = \"urdf\"\nfloating = {floating}\nself_collision = true\nmesh_points = 0\n");
         let system = Arc::new(System::from_text(name, &text, Some(&toml)).expect("a robot"));
         let (mut batch, robot) = (batch(&system, "free", 8), &system.robot);
@@ -265,7 +245,6 @@ fn links_on_each_other_move_as_the_solver_has_them() {
         run(&mut implicit(16), &mut batch, 0.0, 2);
         let touch = batch.states.iter().zip(&alone.states).fold(0.0f64, |most, (a, b)| most.max((a - b).abs()));
         let [double, single] = [Real::F64, Real::F32].map(|real| case.apart(&compiler, real, 2).states(0));
-        println!("{name}: states {double:.1e}, in 32 bits {single:.1e}; touches change {touch:.1e}: {}", system.notes.join("; "));
         assert!(touch > 1e-2 && double < 1e-9 && single < 1e-2, "{name}: {double:e}, {single:e}, {touch}");
     }
 }
@@ -292,7 +271,6 @@ fn kernels_move_as_the_solver_does() {
         let [double, single] = [Real::F64, Real::F32].map(|real| case.apart(&compiler, real, 1));
         // Over an edge between two boxes 32 bits may take the other one: there a tenth may be apart.
         let worst = single.states(if scene == "steps" { case.batch.len() / 10 } else { 0 });
-        println!("{name} {scene}: states {:.1e}, forces {:.1e}; f32 {worst:.1e}, {:.1e}", double.states(0), double.forces, single.forces);
         assert!(double.states(0) < 1e-9 && double.forces < 1e-7, "{name} on {scene}: {double:?}");
         assert!(worst < 1e-3, "{name} on {scene} in f32: {single:?}");
         if name == "ant" {
@@ -317,19 +295,19 @@ fn back_apart(case: &Case, compiler: &Compiler, real: Real) -> Vec<f64> {
     let (n, d, wide, joints) = (batch.len(), robot.state_dim(), 2 * robot.nv(), robot.joint_count());
     let by: Vec<f64> = (0..n * ROWS * wide).map(|k| (1.0 + k as f64 * 1.7).sin()).collect();
     goes_back(&case.config, batch).expect("it has slopes on a card");
-    let output = compiler.run(
-        &back_program(&batch.system, &case.config, real, Reach::of(batch)),
-        case.input(ROWS, &[packed(&batch.drives), by.clone()].concat()),
+    let kernel = format!("slopes(b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], b[9], {n}, {ROWS});");
+    let launches = format!(
+        "for (; blockIdx.y < {ROWS}; blockIdx.y++) for (blockIdx.x = 0; blockIdx.x < {n}; blockIdx.x++) {kernel}
+         std::fprintf(stderr, \"%zu bytes of a thread\\n\", sizeof(Work) + sizeof(Explicit) + sizeof(Back));"
     );
-    let (found, faults) = output.split_at(8 * (n * d + n * ROWS * (wide + joints)));
-    assert!(faults.len() == 4 * n && faults.iter().all(|byte| *byte == 0), "faults {faults:?}");
-    let (next, rest) = found.split_at(8 * n * d);
-    let (states, torques) = rest.split_at(8 * n * ROWS * wide);
+    let made = [8 * n * d, 8 * by.len(), 8 * n * ROWS * joints, 4 * n].map(|size| vec![0; size]);
+    let buffers = [case.buffers(), vec![bytes(&by, f64::to_le_bytes)], made.into()].concat();
+    let found = compiler.launch(&back_program(&batch.system, &case.config, real, Reach::of(batch)), &launches, &buffers);
+    assert!(found[9].iter().all(|byte| *byte == 0), "faults {:?}", found[9]);
     let slopes = Articulated::new(case.config).back(batch, &case.torques, ROWS, &by).expect("slopes");
     let mut worst = vec![0.0f64; n];
-    for (found, own, wide) in
-        [(doubles(next), &slopes.next, d), (doubles(states), &slopes.states, wide), (doubles(torques), &slopes.torques, joints)]
-    {
+    for (found, own, wide) in [(&found[6], &slopes.next, d), (&found[7], &slopes.states, wide), (&found[8], &slopes.torques, joints)] {
+        let found = doubles(found);
         let rows = found.len() / n / wide.max(1);
         for (k, (a, b)) in found.chunks(wide.max(1)).zip(own.chunks(wide.max(1))).enumerate() {
             let size = b.iter().fold(1e-6f64, |most, x| most.max(x.abs()));
@@ -364,7 +342,7 @@ fn kernels_go_back_as_the_solver_does() {
         cases.push(case);
     }
     // Joints that rub and spring, one of them too stiff for its substep, without anything to touch.
-    let mut system = chain(1);
+    let mut system = System::bare("chain", &chain(1), false).expect("a robot");
     for (joint, numbers) in system.robot.joints_mut().zip([(0.02, 0.4, 1e-4), (50.0, -0.3, 2e-4)]) {
         (joint.stiffness, joint.rest, joint.friction) = numbers;
     }
@@ -374,7 +352,6 @@ fn kernels_go_back_as_the_solver_does() {
     for case in cases {
         let what = format!("{} on {}", case.batch.system.name, case.batch.scenes[0].name);
         let [double, single] = [Real::F64, Real::F32].map(|real| back_apart(&case, &compiler, real));
-        println!("{what}: slopes {:.1e}; f32 {:.1e}, {:.1e} in the median", double[39], single[39], single[20]);
         // In one of them 32 bits may take another side of a kink, or see what is left of far larger slopes.
         assert!(double[39] < 1e-9 && single[38] < 1e-3 && single[39] < 0.1, "{what}: {double:?}, f32 {single:?}");
     }

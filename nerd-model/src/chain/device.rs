@@ -2,14 +2,11 @@
 //!
 //! They are this module in 64 bits, on vectors and surfaces of the articulated solver's kernels.
 
-use std::fmt::Write;
-
-use nerd_sim::articulated::device::surfaces;
-use nerd_sim::system::System;
+use nerd_sim::articulated::device::{number, surfaces};
 
 use super::features::{INPUTS, QUICK, REACH};
-use super::layout::Chain;
-use super::step::OUTPUTS;
+use super::{layout::Chain, step::OUTPUTS};
+use crate::prelude::*;
 use crate::program::op::padded;
 
 /// Numbers of a chain on a device: the gripper's twelve, directions of rods, their rates. So many are kept of an environment between the
@@ -26,21 +23,13 @@ pub fn chain_program(chain: &Chain, scale: &[f64; OUTPUTS], system: &System, col
 /// The same without kernels: what they are made of.
 pub fn chain_functions(chain: &Chain, scale: &[f64; OUTPUTS], system: &System, colliders: usize) -> String {
     let mut text = surfaces(colliders);
-    for (name, n) in [("RODS", chain.rods), ("INPUTS", INPUTS), ("LDX", padded(INPUTS)), ("OUTPUTS", OUTPUTS)] {
-        let _ = writeln!(text, "#define {name} {n}");
-    }
-    for (name, x) in [("LENGTH", chain.length), ("RADIUS", chain.radius), ("FRAME", chain.frame_time), ("REACH", REACH), ("QUICK", QUICK)] {
-        let _ = writeln!(text, "#define {name} {x:e}");
-    }
-    let mut table = |kind: &str, name: &str, entries: Vec<String>| {
-        let _ = writeln!(text, "TABLE {kind} {name}[] = {{{}}};", entries.join(", "));
-    };
-    let numbers = |numbers: &[f64]| numbers.iter().map(|x| format!("{x:e}")).collect();
-    table("double", "HOME", numbers(chain.home.as_slice()));
-    table("double", "STIFFNESS", numbers(&chain.stiffness));
-    table("double", "PULSE", numbers(&chain.pulse));
-    table("double", "STRETCH", numbers(scale));
-    table("int", "WRAPS", system.robot.joints().map(|joint| i32::from(joint.wraps()).to_string()).collect());
-    text.push_str(include_str!("chain.cuh"));
-    text
+    text.define([("RODS", chain.rods), ("INPUTS", INPUTS), ("LDX", padded(INPUTS)), ("OUTPUTS", OUTPUTS)]);
+    let lengths = [("LENGTH", chain.length), ("RADIUS", chain.radius), ("FRAME", chain.frame_time), ("REACH", REACH), ("QUICK", QUICK)];
+    text.define(lengths.map(|(name, x)| (name, number(x))));
+    text.table("double", "HOME", chain.home.iter().copied());
+    text.table("double", "STIFFNESS", chain.stiffness);
+    text.table("double", "PULSE", chain.pulse);
+    text.table("double", "STRETCH", *scale);
+    text.table("int", "WRAPS", system.robot.joints().map(|joint| f64::from(joint.wraps())));
+    text.0 + include_str!("chain.cuh")
 }

@@ -1,8 +1,7 @@
 //! The gripper that leads a chain: its state, its motion within a frame, and the direction it points to.
 
-use nalgebra::Vector3;
-
 use super::Chain;
+use crate::prelude::*;
 
 /// State of a gripper; of an adjoint, the gradients by these numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

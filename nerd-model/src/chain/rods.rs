@@ -5,9 +5,8 @@
 //! `r = dt/dt - w x t` and y, x', z the axes between the hinges `a' = r . y / cos b`, `b' = -r . (z cos b + x' sin b)`. That takes
 //! bends of less than a right angle from rod to rod.
 
-use nalgebra::{Matrix3, Vector3};
-
 use super::{Chain, Gripper};
+use crate::prelude::*;
 
 /// State of a chain as rods; of an adjoint, the gradients by these numbers.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -2,13 +2,12 @@
 //!
 //! It has no memory: a frame is a function of state, torques and scene.
 
-use nerd_sim::batch::Batch;
-use nerd_sim::solver::{Fault, Solver, StepError, check, commit};
-use nerd_sim::system::System;
+use nerd_sim::solver::{Fault, check, commit};
 use rayon::prelude::*;
 
 use super::{Chain, Look, NoChain, OUTPUTS, Outputs};
 use crate::normalizer::{Moments, Normalizer};
+use crate::prelude::*;
 use crate::program::cpu::{Loaded, Memory, Pass};
 use crate::transformer::Weights;
 

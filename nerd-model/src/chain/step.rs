@@ -3,9 +3,8 @@
 //! With the outputs `a` and `r` of a rod and T the frame's time: `u = td + a`, `t' = |t + T (td + u) / 2 + r|` at unit length,
 //! `td' = u - t' (t' . u)`. The gripper's outputs count from where it glides to.
 
-use nalgebra::Vector3;
-
 use super::{Chain, Gripper, Rods};
+use crate::prelude::*;
 
 /// Outputs for a rod: change of rate (3), what of the direction is missed (3), and, of the first rod alone, what the
 /// gripper's glide misses (12).

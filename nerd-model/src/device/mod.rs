@@ -7,16 +7,12 @@
 mod residual;
 mod whole;
 
-use std::fmt::Write;
+use nerd_sim::articulated::device::{Reach, Real, functions, number};
 
-use nerd_sim::articulated::device::{Reach, Real, functions};
-
-use crate::base::Base;
 use crate::features::{Features, NEAR, waves};
 use crate::form::{Form, View};
-use crate::normalizer::Normalizer;
 use crate::prelude::*;
-use crate::program::Program;
+use crate::{base::Base, normalizer::Normalizer, program::Program};
 
 pub use crate::program::op::padded;
 pub use residual::held_in_f16;
@@ -55,32 +51,18 @@ pub fn slope_functions(form: Form, normalizer: &Normalizer, system: &Arc<System>
 pub fn token_functions(form: Form, normalizer: &Normalizer, system: &Arc<System>, real: Real, colliders: usize) -> String {
     let robot = &system.robot;
     let mut text = functions(system, &settings(), real, Reach { colliders, ..Reach::default() });
-    let inputs = Features::inputs(system, form);
-    let flag = |on: bool| usize::from(on);
-    let situated = flag(Features::situated(robot));
-    for (name, n) in
-        [("INPUTS", inputs), ("LDX", padded(inputs)), ("LANES", LANES), ("SITUATED", situated), ("MOVING", flag(form.view == View::Moving))]
-    {
-        let _ = writeln!(text, "#define {name} {n}");
-    }
+    let (inputs, moving) = (Features::inputs(system, form), form.view == View::Moving);
+    text.define([("INPUTS", inputs), ("LDX", padded(inputs)), ("LANES", LANES)]);
+    text.define([("SITUATED", Features::situated(robot)), ("MOVING", moving)].map(|(name, on)| (name, i32::from(on))));
     let time = if form.base == Base::Trapezoid { system.frame_time } else { 0.0 };
-    for (name, x) in [("TRAPEZOID", time), ("FRAME_TIME", system.frame_time), ("NEAR", NEAR)] {
-        let _ = writeln!(text, "#define {name} {x:e}");
-    }
+    text.define([("TRAPEZOID", time), ("FRAME_TIME", system.frame_time), ("NEAR", NEAR)].map(|(name, x)| (name, number(x))));
     let (inputs, outputs) = (&normalizer.inputs, &normalizer.outputs);
-    let mut table = |kind: &str, name: &str, numbers: Vec<f64>| {
-        // None may be empty.
-        let entries: Vec<String> = numbers.into_iter().chain([0.0]).map(|x| format!("({kind}){x:e}")).collect();
-        let _ = writeln!(text, "TABLE {kind} {name}[] = {{{}}};", entries.join(", "));
-    };
-    let ends = |joint| if form.view == View::Moving { waves(joint) as f64 } else { 0.0 };
-    table("int", "WAVES", robot.joints().map(ends).collect());
-    table("real", "SEEN", robot.contact_points.iter().map(|p| p.threshold()).collect());
-    table("real", "MEAN", inputs.mean.clone());
-    table("real", "SCALE", inputs.scale().collect());
-    table("real", "RATE", inputs.scale().map(f64::recip).collect());
-    table("double", "SHIFT", outputs.mean.clone());
-    table("double", "STRETCH", outputs.scale().collect());
-    text.push_str(include_str!("tokens.cuh"));
-    text
+    text.table("int", "WAVES", robot.joints().map(|joint| if moving { waves(joint) as f64 } else { 0.0 }));
+    text.table("real", "SEEN", robot.contact_points.iter().map(|p| p.threshold()));
+    text.table("real", "MEAN", inputs.mean.iter().copied());
+    text.table("real", "SCALE", inputs.scale());
+    text.table("real", "RATE", inputs.scale().map(f64::recip));
+    text.table("double", "SHIFT", outputs.mean.iter().copied());
+    text.table("double", "STRETCH", outputs.scale());
+    text.0 + include_str!("tokens.cuh")
 }

@@ -4,11 +4,11 @@
 use std::borrow::Cow;
 
 use half::f16;
+use nerd_sim::articulated::device::Text;
 
-use super::whole::{Products, Whole, defined};
-use crate::program::Program;
+use super::whole::{Products, Whole, shape};
 use crate::program::config::{Architecture, TransformerConfig};
-use crate::program::op::{Slot, padded};
+use crate::{program::Program, program::op::padded};
 
 /// Rows of a block, and its warps: the sums of a pass are in registers, and a block reads every weight once.
 const ROWS: usize = 64;
@@ -17,16 +17,6 @@ const WARPS: usize = 8;
 const AHEAD: usize = 4;
 /// Inner numbers of a product are padded to whole turns of the ring that holds those steps.
 const TURN: usize = 16 * AHEAD;
-
-/// The network that a program is (`program/networks.rs`), if it is residual and the kernel has room for it.
-fn shape(program: &Program) -> Option<TransformerConfig> {
-    let (e, blocks) = (program.width(program.steps.first()?.to), program.steps.len().checked_sub(3)?);
-    let [inputs, outputs] = [Slot(0), program.predictions()].map(|slot| program.width(slot));
-    let (layers, architecture) = (blocks / 4, Architecture::Residual);
-    let shape = TransformerConfig { layers, architecture, ..TransformerConfig::paper(inputs, outputs, e) };
-    let fits = e.is_multiple_of(8 * WARPS) && e <= 256 && outputs <= e && layers > 0;
-    (fits && shape.program() == *program).then_some(shape)
-}
 
 /// Whether f16 loses nothing of the matrices of a program's blocks, as of those that come from a model's file.
 pub fn held_in_f16(program: &Program, flat: &[f32]) -> bool {
@@ -37,25 +27,18 @@ pub fn held_in_f16(program: &Program, flat: &[f32]) -> bool {
 
 /// The kernel, of a network that it has room for.
 pub(super) fn residual(program: &Program) -> Option<Whole> {
-    let TransformerConfig { inputs, outputs, embedding: e, layers, .. } = shape(program)?;
+    let TransformerConfig { inputs, outputs, embedding: e, layers, .. } = shape(program, Architecture::Residual)?;
+    if !e.is_multiple_of(8 * WARPS) || e > 256 || outputs > e {
+        return None;
+    }
     let taken = inputs.next_multiple_of(TURN);
     // What is normed, what is active twice, and sums of rows twice.
     let x = taken.max(e) + 8;
     let floats = ROWS * (x + x.max(2 * (e + 8))) / 2 + 2 * ROWS * WARPS;
-    let sizes = [
-        ("T", 1),
-        ("WINDOWS", ROWS),
-        ("ROWS", ROWS),
-        ("WARPS", WARPS),
-        ("AHEAD", AHEAD),
-        ("INPUTS", padded(inputs)),
-        ("TAKEN", taken),
-        ("E", e),
-        ("LAYERS", layers),
-        ("OUTPUTS", outputs),
-        ("FLOATS", floats),
-    ];
-    let text = [&defined(&sizes), include_str!("whole.cuh"), include_str!("whole_f16.cuh"), include_str!("whole_main.cuh")].concat();
+    let mut text = Text::default();
+    text.define([("T", 1), ("WINDOWS", ROWS), ("ROWS", ROWS), ("WARPS", WARPS), ("AHEAD", AHEAD), ("LAYERS", layers)]);
+    text.define([("INPUTS", padded(inputs)), ("TAKEN", taken), ("E", e), ("OUTPUTS", outputs), ("FLOATS", floats)]);
+    let text = [&text.0, include_str!("whole.cuh"), include_str!("whole_f16.cuh"), include_str!("whole_main.cuh")].concat();
     Some(Whole { text, threads: 32 * WARPS, windows: ROWS, shared: 4 * floats, products: Products::F16 })
 }
 

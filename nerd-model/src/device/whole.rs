@@ -3,8 +3,11 @@
 
 use std::fmt::Write;
 
-use crate::program::op::padded;
-use crate::program::{Activation, Op, Program, Slot, Step};
+use nerd_sim::articulated::device::Text;
+
+use crate::program::config::{Architecture, TransformerConfig};
+use crate::program::op::{Slot, padded};
+use crate::program::{Op, Program, Step};
 
 /// Shared bytes that every device gives without asking.
 const SHARED: usize = 48 << 10;
@@ -34,30 +37,31 @@ pub struct Whole {
     pub products: Products,
 }
 
-/// Sizes as a text has them.
-pub(super) fn defined(sizes: &[(&str, usize)]) -> String {
-    sizes.iter().map(|(name, n)| format!("#define {name} {n}\n")).collect()
+/// The network that a program is (`program/networks.rs`), if it is one of an architecture; a block's steps are so many.
+pub(super) fn shape(program: &Program, architecture: Architecture) -> Option<TransformerConfig> {
+    let steps = program.steps.len();
+    let (layers, block) = match architecture {
+        Architecture::Chain => (steps.checked_sub(4)? / 5, program.tensors.get(2)?.shape[0]),
+        _ => (steps.checked_sub(3)? / 4, 1),
+    };
+    let [inputs, e, outputs] = [Slot(0), program.steps[0].to, program.predictions()].map(|slot| program.width(slot));
+    let shape = TransformerConfig { layers, block, architecture, ..TransformerConfig::paper(inputs, outputs, e) };
+    (layers > 0 && shape.program() == *program).then_some(shape)
 }
 
-/// A chain's program (`program/networks.rs`); none of another form, or where it does not fit.
+/// A chain's program; none of another form, or where it does not fit.
 pub(super) fn chain(program: &Program, tokens: usize) -> Option<Whole> {
-    let [embed, place, blocks @ .., last, out] = &program.steps[..] else { return None };
-    let ((blocks, []), Op::Place(table), h) = (blocks.as_chunks::<5>(), place.op, embed.to) else { return None };
-    let follow = |from: Slot, steps: &[Step]| steps.iter().try_fold(from, |at, step| (step.from == at).then_some(step.to));
-    let in_line = follow(Slot(0), &[*embed, *place]) == Some(h) && blocks.iter().all(|block| follow(h, block) == Some(h));
-    if blocks.is_empty() || !in_line || follow(h, &[*last, *out]).is_none() || last.op != Op::Norm {
-        return None;
-    }
-
+    let TransformerConfig { inputs, outputs, embedding: e, .. } = shape(program, Architecture::Chain)?;
+    let [embed, place, blocks @ .., _, out] = &program.steps[..] else { return None };
+    let Op::Place(table) = place.op else { return None };
     let starts = program.starts();
-    let [inputs, e, outputs] = [Slot(0), h, out.to].map(|slot| program.width(slot));
     // Numbers from one row to the next in shared memory, so that threads which read at once read different banks.
     let apart = |width: usize| width.next_multiple_of(4) + 4;
     // Of h, of what is normed, and of what is active.
     let (row, size) = (apart(e), tokens * apart(e));
 
     let linear = |step: &Step, (x, apart_x): (&str, usize), (parts, off): (usize, usize), (y, apart_y): (&str, usize), f: &str| {
-        let Op::Linear { weight, scale: None, bias, add } = step.op else { return None };
+        let Op::Linear { weight, bias, add, .. } = step.op else { return None };
         let (inner, wide) = (program.width(step.from) / parts, program.width(step.to));
         let bias = bias.map_or_else(|| "(const float*)0".into(), |bias| format!("w + {}", starts[bias.0]));
         // Four weights are read at once.
@@ -70,11 +74,8 @@ pub(super) fn chain(program: &Program, tokens: usize) -> Option<Whole> {
     let norm = format!("    norm<{e}, {row}>({}, {});\n", stream.0, normed.0);
     let mut pass = linear(embed, ("tokens", padded(inputs)), (1, 0), stream, "same")?;
     let _ = writeln!(pass, "    place<{e}, {row}>(w + {}, {});", starts[table.0], stream.0);
-    for [before, near, wide, activate, mix] in blocks {
-        let (Op::Norm, Op::Neighbours(off), Op::Activate(Activation::Gelu)) = (before.op, near.op, activate.op) else { return None };
-        if program.width(wide.to) != e || mix.to != h {
-            return None;
-        }
+    for [_, near, wide, _, mix] in blocks.as_chunks().0 {
+        let Op::Neighbours(off) = near.op else { return None };
         pass += &norm;
         pass += &linear(wide, normed, (3, off), active, "gelu")?;
         pass += &linear(mix, active, (1, 0), stream, "same")?;
@@ -86,18 +87,10 @@ pub(super) fn chain(program: &Program, tokens: usize) -> Option<Whole> {
     let zeros = program.widths.iter().map(|width| apart(*width)).max()?;
     let (most, floats) = (3 * size, 3 * size + zeros);
     let warps = (e.max(outputs).div_ceil(4) * tokens.div_ceil(4)).div_ceil(32).min(MOST_WARPS);
-    let sizes = [
-        ("T", tokens),
-        ("WINDOWS", 1),
-        ("ROWS", tokens),
-        ("WARPS", warps),
-        ("INPUTS", padded(inputs)),
-        ("OUTPUTS", outputs),
-        ("FLOATS", floats),
-    ];
-    let mut text = defined(&sizes);
-    text += include_str!("whole.cuh");
-    text += include_str!("whole_f32.cuh");
+    let mut text = Text::default();
+    text.define([("T", tokens), ("WINDOWS", 1), ("ROWS", tokens), ("WARPS", warps)]);
+    text.define([("INPUTS", padded(inputs)), ("OUTPUTS", outputs), ("FLOATS", floats)]);
+    let mut text = text.0 + include_str!("whole.cuh") + include_str!("whole_f32.cuh");
     let _ = writeln!(
         text,
         "FN void pass(const float* w, const float* tokens, float* out, float* s, int rows) {{\n    float* none = s + {most};\n    \

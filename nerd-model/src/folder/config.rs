@@ -1,21 +1,18 @@
-//! `config.json`: what was learned, from what data and how. It is written last, so a folder that has it is complete.
+//! `config.json`: what was learned, from what data and how. It is written last, so a folder that has it is complete. And why a model
+//! cannot be loaded or saved.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use nerd_sim::files::read_text;
-use nerd_sim::system::System;
-use nerd_sim::truth::Truth;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::error::{ModelError, wrong};
-use crate::base::Base;
-use crate::chain::{self, Chain};
-use crate::features::Features;
+use crate::chain::{self, Chain, NoChain};
 use crate::form::{Form, View};
-use crate::program::config::usual;
+use crate::prelude::*;
 use crate::transformer::{Architecture, TransformerConfig};
+use crate::{base::Base, features::Features, program::config::usual};
 
 /// What was learned, from what, how; `config.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -100,4 +97,25 @@ impl ModelConfig {
 pub(super) fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, ModelError> {
     let text = read_text(path).map_err(|e| wrong(path, e))?;
     serde_json::from_str(&text).map_err(|e| wrong(path, e))
+}
+
+/// Why a model cannot be loaded or saved.
+#[derive(Debug, thiserror::Error)]
+pub enum ModelError {
+    /// A file or folder cannot be read or written, or does not hold what it should.
+    #[error("{path}: {reason}", path = path.display())]
+    Folder {
+        /// Which.
+        path: PathBuf,
+        /// One line.
+        reason: String,
+    },
+    /// The model of a chain, and a robot that it cannot be of.
+    #[error(transparent)]
+    Chain(#[from] NoChain),
+}
+
+/// What is wrong with a file or folder.
+pub(super) fn wrong(path: &Path, reason: impl ToString) -> ModelError {
+    ModelError::Folder { path: path.into(), reason: reason.to_string() }
 }

@@ -5,23 +5,19 @@
 //! truncated or copied from another folder.
 
 mod config;
-mod error;
 
-use std::collections::HashMap;
-use std::path::Path;
+use std::{collections::HashMap, path::Path};
 
-use nerd_sim::files::write;
-use nerd_sim::range::within;
-use nerd_sim::system::System;
+use nerd_sim::{files::write, range::within};
 use sha2::{Digest, Sha256};
 
-pub use config::ModelConfig;
-pub use error::ModelError;
+use crate::prelude::*;
+
+pub use config::{ModelConfig, ModelError};
 
 use crate::normalizer::{Moments, Normalizer};
 use crate::transformer::{Storage, Weights};
-use config::read_json;
-use error::wrong;
+use config::{read_json, wrong};
 
 /// A trained network with its normaliser and its provenance.
 #[derive(Clone, Debug)]

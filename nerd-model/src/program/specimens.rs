@@ -73,15 +73,15 @@ pub fn operations() -> Vec<Specimen> {
             p.then(x, width, op);
         })
     };
+    let place = |p: &mut Program, x: Slot| {
+        let table = p.tensor("table", &[9, p.width(x)], Init::Normal(1.0));
+        p.steps.push(Step { from: x, to: x, op: Op::Place(table) });
+    };
     vec![
         around("linear", 7, |_, _| {}),
-        around("place", 7, |p, x| {
-            let table = p.tensor("table", &[9, 7], Init::Normal(1.0));
-            p.steps.push(Step { from: x, to: x, op: Op::Place(table) });
-        }),
+        around("place", 7, place),
         around("place and norm", 10, |p, x| {
-            let table = p.tensor("table", &[9, 10], Init::Normal(1.0));
-            p.steps.push(Step { from: x, to: x, op: Op::Place(table) });
+            place(p, x);
             p.then(x, 10, Op::Norm);
         }),
         around("norm and scale", 10, |p, x| {

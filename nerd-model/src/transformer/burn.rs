@@ -4,8 +4,7 @@ use burn::tensor::{Device, Int, Tensor, TensorData};
 
 use super::forward::{Forward, ForwardError, check};
 use super::weights::Weights;
-use crate::program::BurnNetwork;
-use crate::program::config::TransformerConfig;
+use crate::{program::BurnNetwork, program::config::TransformerConfig};
 
 /// A network on a device of burn.
 pub struct BurnForward {

@@ -1,14 +1,12 @@
-//! A small model of random weights.
+//! Small models of random weights, batches, and how numbers compare.
 
 // Each test file is a crate of its own and uses a part of this.
 #![allow(dead_code)]
 
-use nerd_model::base::Base;
-use nerd_model::features::Features;
 use nerd_model::folder::{Model, ModelConfig};
-use nerd_model::form::Form;
 use nerd_model::normalizer::{Moments, Normalizer};
-use nerd_model::transformer::{Positions, TransformerConfig, Weights};
+use nerd_model::transformer::{Architecture, Positions, TransformerConfig, Weights};
+use nerd_model::{base::Base, features::Features, form::Form, form::View};
 use nerd_sim::prelude::*;
 
 /// Windows and streams.
@@ -27,6 +25,16 @@ pub fn placed(system: &Arc<System>, form: impl Into<Form>, positions: Positions)
         TransformerConfig { embedding: 24, layers: 2, heads: 4, block: 16, positions, ..TransformerConfig::paper(inputs, outputs, 192) };
     let unit = |n: usize, variance: f64| Moments { mean: vec![0.0; n], variance: vec![variance; n], epsilon: 1e-5 };
     unlearned(system, form, network, Normalizer { inputs: unit(inputs, 4.0), outputs: unit(outputs, 0.01) })
+}
+
+/// A model whose network sees one frame, [`View::Moving`], by the trapezoid; with the mean and variance of what it sees and says.
+pub fn pure(system: &Arc<System>, mean: f64, said: f64) -> Model {
+    let form = Form { base: Base::Trapezoid, view: View::Moving };
+    let (inputs, outputs) = (Features::inputs(system, form), Features::outputs(system));
+    let paper = TransformerConfig::paper(inputs, outputs, 24);
+    let network = TransformerConfig { layers: 2, heads: 1, block: 1, history: 1, architecture: Architecture::Residual, ..paper };
+    let unit = |n: usize, variance: f64| Moments { mean: vec![mean; n], variance: vec![variance; n], epsilon: 1e-5 };
+    unlearned(system, form, network, Normalizer { inputs: unit(inputs, 1.0), outputs: unit(outputs, said) })
 }
 
 /// A model of random weights, three times as large as training begins with.
@@ -54,4 +62,30 @@ pub fn unlearned(system: &System, form: impl Into<Form>, network: TransformerCon
 /// Largest |difference|.
 pub fn gap(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+}
+
+/// `n` environments from starts of a seed, so many frames of the truth later.
+pub fn fallen(system: &Arc<System>, scene: &str, n: usize, (begin, seed): (Start, u64), frames: usize) -> Batch {
+    let mut batch = Batch::new(system, &system.scene(scene).expect("a scene"), n);
+    (0..n).for_each(|env| batch.reset(env, &start(system, begin, &mut stream(seed, env as u64))));
+    let (mut truth, idle) = (Articulated::new(ArticulatedConfig::accurate(system)), vec![0.0; n * system.robot.joint_count()]);
+    (0..frames).for_each(|_| truth.step(&mut batch, &idle).expect("it can be stepped"));
+    batch
+}
+
+/// Numbers about 0 of about this size, always the same.
+pub fn some(n: usize, size: f64) -> Vec<f64> {
+    (0..n).map(|k| size * (1.7 * k as f64 + 0.3).sin()).collect()
+}
+
+/// The larger of two; what is not a number is the worst.
+pub fn worse(most: f64, off: f64) -> f64 {
+    if off > most || off.is_nan() { off } else { most }
+}
+
+/// The largest difference, of the largest number.
+pub fn worst(found: &[f64], expected: &[f64]) -> f64 {
+    assert_eq!(found.len(), expected.len());
+    let largest = expected.iter().fold(1e-9, |most: f64, x| most.max(x.abs()));
+    found.iter().zip(expected).map(|(a, b)| (a - b).abs() / largest).fold(0.0, worse)
 }

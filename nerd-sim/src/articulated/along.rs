@@ -3,13 +3,11 @@
 //! A touch resists the motion of one link or one joint alone. So `(M + h sum J^T D J) qdd = right` is solved as forward dynamics are, with
 //! `h J_x^T D J_x` beside the inertia of the link that a point is on and `h d` beside the armature of a joint ([`TreeFactor`]).
 
-use nalgebra::{Matrix3, Matrix6, Vector3};
-use nerd_core::dynamics::{Data, TreeFactor, inertias};
-use nerd_core::robot::Robot;
-use nerd_core::spatial::Wrench;
+use nalgebra::Matrix6;
+use nerd_core::dynamics::TreeFactor;
 
 use super::touch::Contact;
-use crate::system::System;
+use crate::prelude::*;
 
 /// From so many products a DoF of the matrix's factor on, the tree is taken. Chosen by the clock, between quadrupeds with legs of three joints,
 /// which gain little or lose, and humanoids and chains of twenty hinges, which gain.
@@ -46,11 +44,6 @@ impl Tree {
             joints: vec![0.0; joints],
             press: vec![Wrench::default(); links],
         })
-    }
-
-    /// A substep begins.
-    pub(super) fn begin(robot: &Robot, data: &mut Data) {
-        inertias(robot, data);
     }
 
     /// The inverse of the mass matrix alone, for [`Tree::ease`] and [`Tree::eased`].

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::range::within;
-use crate::system::{MOST_SUBSTEPS, Refresh, System};
+use crate::prelude::*;
+use crate::{range::within, system::MOST_SUBSTEPS};
 
 /// Integrator of contact-free environments; those with contact use symplectic Euler.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -44,6 +44,16 @@ pub(super) struct Settings {
     pub(super) settling: (f64, usize),
 }
 
+/// What a frame is asked: `contact` is whether something can touch something.
+#[derive(Clone, Copy)]
+pub(super) struct Asked<'a> {
+    pub(super) system: &'a System,
+    pub(super) scene: &'a Scene,
+    pub(super) config: ArticulatedConfig,
+    pub(super) contact: bool,
+    pub(super) tau: &'a [f64],
+}
+
 /// Settings of [`super::Articulated`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -69,15 +79,7 @@ pub struct ArticulatedConfig {
 impl ArticulatedConfig {
     /// The reference simulator: symplectic Euler at its substeps, mass matrix renewed when it does.
     pub fn paper(system: &System, friction: Friction) -> Self {
-        let substeps = system.spec.substeps;
-        Self {
-            integrator: Integrator::SymplecticEuler,
-            substeps,
-            contact_substeps: substeps,
-            refresh: system.spec.refresh,
-            contact_step: ContactStep::Explicit,
-            friction,
-        }
+        Self { refresh: system.spec.refresh, ..Self::explicit(system.spec.substeps, friction) }
     }
 
     /// Symplectic Euler with the mass matrix renewed at every substep, with contact or without.

@@ -17,12 +17,11 @@
 //! turned by [`WHIRL`] in a substep, a point or a limit that came or left, repetition without an end. All other frames, and explicit presets,
 //! are as they were.
 
-use nerd_core::dynamics::{kinematics, to_local, velocities};
+use nerd_core::dynamics::{to_local, velocities};
 
-use super::workspace::Workspace;
-use crate::scene::{Scene, place};
-use crate::solver::gone;
-use crate::system::System;
+use super::{config::Asked, workspace::Workspace};
+use crate::prelude::*;
+use crate::{scene::place, solver::gone};
 
 /// Share of a frame's energy that it may gain.
 pub(super) const SHARE: f64 = 1e-5;
@@ -48,7 +47,8 @@ pub(super) struct Energy {
 impl Workspace {
     /// Times as many substeps that a frame from `start` to `state` in so many of them needs to give no energy: 1, or the power of 2 that is
     /// needed at least, since the step's error falls with their square at most.
-    pub(super) fn refine(&mut self, system: &System, scene: &Scene, state: &[f64], tau: &[f64], substeps: usize) -> Result<usize, String> {
+    pub(super) fn refine(&mut self, asked: &Asked, state: &[f64], substeps: usize) -> Result<usize, String> {
+        let Asked { system, scene, tau, .. } = *asked;
         let start = std::mem::take(&mut self.start);
         let before = self.energy(system, scene, &start);
         let after = self.energy(system, scene, state);

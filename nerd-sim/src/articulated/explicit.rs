@@ -1,32 +1,18 @@
 //! A frame of explicit substeps: symplectic Euler, or Runge-Kutta where there is nothing to touch.
 
-use nalgebra::{UnitQuaternion, Vector3};
-use nerd_core::dynamics::{bias, crba, kinematics, kinematics_about, move_twist, root_position, to_local, to_world, velocities};
-use nerd_core::robot::Robot;
-use nerd_core::spatial::Wrench;
-use nerd_core::state::{quaternion, vector, write_quaternion};
+use nerd_core::dynamics::{bias, crba, kinematics_about, move_twist, root_position, to_local, to_world, velocities};
 
-use super::config::{ArticulatedConfig, Integrator};
-use super::force::force;
-use super::workspace::Workspace;
-use crate::scene::Scene;
+use super::{config::Asked, force::force, workspace::Workspace};
+use crate::prelude::*;
 use crate::solver::gone;
-use crate::system::{Refresh, System};
 
 /// How far (m) beyond its own way in a frame, at twice its speed, a point may come within the frame.
 const BEYOND: f64 = 0.1;
 
 impl Workspace {
     /// A frame of explicit substeps; whether no joint was too stiff for them.
-    pub(super) fn explicit(
-        &mut self,
-        system: &System,
-        scene: &Scene,
-        config: &ArticulatedConfig,
-        contact: bool,
-        state: &mut [f64],
-        tau: &[f64],
-    ) -> Result<bool, String> {
+    pub(super) fn explicit(&mut self, asked: &Asked, state: &mut [f64]) -> Result<bool, String> {
+        let Asked { system, scene, config, contact, .. } = *asked;
         let robot = &system.robot;
         let substeps = if contact { config.contact_substeps } else { config.substeps };
         let dt = system.frame_time / substeps as f64;
@@ -34,7 +20,7 @@ impl Workspace {
         if !contact && config.integrator == Integrator::Rk4 {
             to_local(robot, q, qd);
             for _ in 0..substeps {
-                if !self.runge_kutta(robot, scene, state, tau, dt)? {
+                if !self.runge_kutta(asked, state, dt)? {
                     return Ok(false);
                 }
             }
@@ -57,11 +43,11 @@ impl Workspace {
                     let (time, margin) = if held { (2.0 * system.frame_time, BEYOND) } else { (0.0, 0.0) };
                     self.query(system, scene, qd, time, margin).map_err(|lost| gone(system, q).unwrap_or(lost))?;
                 }
-                if !self.press(robot, config, qd, dt, 1.0 / substeps as f64) {
+                if !self.press(robot, &config, qd, dt, 1.0 / substeps as f64) {
                     return Ok(false);
                 }
             }
-            if !self.accelerate(robot, scene, q, qd, tau, renew, (dt, Integrator::SymplecticEuler))? {
+            if !self.accelerate(asked, q, qd, renew, (dt, Integrator::SymplecticEuler))? {
                 return Ok(false);
             }
             euler(robot, q, qd, self.data.qdd.as_slice(), &origin, dt);
@@ -101,17 +87,8 @@ impl Workspace {
     }
 
     /// `data.qdd = M^-1 (tau + limits - damping - bias)`; whether no joint is too stiff for a substep of `dt`.
-    #[allow(clippy::too_many_arguments)]
-    fn accelerate(
-        &mut self,
-        robot: &Robot,
-        scene: &Scene,
-        q: &[f64],
-        qd: &[f64],
-        tau: &[f64],
-        renew: bool,
-        (dt, integrator): (f64, Integrator),
-    ) -> Result<bool, String> {
+    fn accelerate(&mut self, asked: &Asked, q: &[f64], qd: &[f64], renew: bool, (dt, by): (f64, Integrator)) -> Result<bool, String> {
+        let Asked { system: System { robot, .. }, scene, tau, .. } = *asked;
         if renew {
             crba(robot, &mut self.data);
             if !self.factor.refill(&self.data.mass) {
@@ -138,7 +115,7 @@ impl Workspace {
             });
             self.data.qdd[dofs + i] = tau[i] + limit - joint.damping * v - self.data.tau[dofs + i];
         }
-        if self.stiff.limits(robot, &self.factor, dt, integrator) {
+        if self.stiff.limits(robot, &self.factor, dt, by) {
             return Ok(false);
         }
         self.factor.solve(self.data.qdd.as_mut_slice());
@@ -147,7 +124,8 @@ impl Workspace {
 
     /// Classical Runge-Kutta over (q, qd) with the pose's rate from the velocity; the quaternion is normalised after. Whether
     /// no joint was too stiff.
-    fn runge_kutta(&mut self, robot: &Robot, scene: &Scene, state: &mut [f64], tau: &[f64], dt: f64) -> Result<bool, String> {
+    fn runge_kutta(&mut self, asked: &Asked, state: &mut [f64], dt: f64) -> Result<bool, String> {
+        let robot = &asked.system.robot;
         for (k, at) in [0.0, 0.5, 0.5, 1.0].into_iter().enumerate() {
             self.trial.copy_from_slice(state);
             if k > 0 {
@@ -156,7 +134,7 @@ impl Workspace {
             let mut trial = std::mem::take(&mut self.trial);
             let (q, qd) = trial.split_at_mut(robot.nq());
             kinematics(robot, q, &mut self.data);
-            let done = self.accelerate(robot, scene, q, qd, tau, true, (dt, Integrator::Rk4));
+            let done = self.accelerate(asked, q, qd, true, (dt, Integrator::Rk4));
             rate(robot, q, qd, self.data.qdd.as_slice(), &mut self.rates[k]);
             if let Some(kept) = &mut self.kept {
                 kept.flown(&trial, &self.rates[k], &mut self.data, &mut self.factor);

@@ -1,14 +1,10 @@
 //! Finds what acts in a substep of the implicit step: contacts, dry friction, drives, joints beyond their limits.
 
-use nalgebra::Vector3;
-use nerd_core::contact::{ContactEvent, ContactPoint, Locus};
-use nerd_core::dynamics::{Data, velocities};
-use nerd_core::robot::Robot;
+use nerd_core::dynamics::velocities;
 
 use super::touch::{Contact, DryFriction, Spring, Touch, inside, part_of};
-use super::touches::Touches;
-use super::workspace::Workspace;
-use crate::scene::Scene;
+use super::{touches::Touches, workspace::Workspace};
+use crate::prelude::*;
 
 impl Workspace {
     /// The points and limits that are beyond their surface in some part of the substep in whose middle they are now.

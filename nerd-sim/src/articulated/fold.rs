@@ -12,14 +12,9 @@
 //! with n touches of a pair of links at a time. The bounds are numbers of the robot alone, so that what a touch has stored is what it gives back. A
 //! link that rests on another by g sinks in by some `n g h^2 / z_k`; one that a drive presses on it by many times its weight, deeper.
 
-use nerd_core::dynamics::Data;
-use nerd_core::spatial::Wrench;
-
-use super::config::Friction;
 use super::force::force;
 use super::touch::{inside, part_of};
-use crate::scene::Material;
-use crate::system::System;
+use crate::prelude::*;
 use crate::system::capsules::Capsule;
 
 /// z_k and z_d.

@@ -5,10 +5,7 @@
 //! `-v_t / |v_t| min(k_f |v_t|, mu N)` (Coulomb), or `-v_t / s min(k_f s, mu N)` with
 //! `s = |v_t|^2 / 2` up to 1 m/s and `|v_t| - 1/2` above (Huber). Both are dissipative; no restitution, no adhesion.
 
-use nalgebra::Vector3;
-
-use super::config::Friction;
-use crate::scene::Material;
+use crate::prelude::*;
 
 /// Force (N) on the body at gap `gap < 0` (m), normal `n`, point velocity `v` (m/s).
 #[inline]

@@ -1,19 +1,9 @@
 //! One frame of one environment: explicit substeps, or implicit ones where they are asked for or something is too stiff.
 
-use std::sync::Arc;
-
-use nalgebra::Vector3;
-use nerd_core::spatial::Wrench;
-
-use super::config::{ArticulatedConfig, ContactStep, Settings};
 use super::energy::{FINEST, WHIRL_RK4};
-use super::kept::Kept;
-use super::stiff::Bounds;
-use super::workspace::Workspace;
-use crate::drive::Drive;
-use crate::scene::Scene;
+use super::{config::Asked, config::Settings, kept::Kept, stiff::Bounds, workspace::Workspace};
+use crate::prelude::*;
 use crate::solver::parallel::Frame;
-use crate::system::System;
 
 impl Frame for Workspace {
     type Config = Settings;
@@ -60,24 +50,25 @@ impl Frame for Workspace {
         }
         self.start.copy_from_slice(state);
         let watched = config.contact_step == ContactStep::Implicit && system.stand_ins.is_empty() && system.folds.is_empty();
-        let (mut finer, mut eventful) = (*config, false);
+        let (mut finer, mut eventful) = (Asked { system, scene, config: *config, contact, tau }, false);
         loop {
-            self.touches.even = finer != *config;
-            let done = self.attempt(system, scene, &finer, contact, state, tau);
+            self.touches.even = finer.config != *config;
+            let done = self.attempt(&finer, state);
             eventful |= self.touches.eventful;
-            let substeps = finer.substeps.max(finer.contact_substeps);
+            let substeps = finer.config.substeps.max(finer.config.contact_substeps);
             if !watched || substeps >= FINEST {
                 return done;
             }
             let times = match done {
-                Ok(()) if eventful => self.refine(system, scene, state, tau, substeps)?,
+                Ok(()) if eventful => self.refine(&finer, state, substeps)?,
                 Ok(()) => 1,
                 Err(_) => 2,
             };
             if times == 1 {
                 return done;
             }
-            (finer.substeps, finer.contact_substeps) = (times * finer.substeps, times * finer.contact_substeps);
+            finer.config.substeps *= times;
+            finer.config.contact_substeps *= times;
             state.copy_from_slice(&self.start);
         }
     }
@@ -90,15 +81,8 @@ impl Workspace {
     }
 
     /// A frame by the steps that it asks for.
-    fn attempt(
-        &mut self,
-        system: &System,
-        scene: &Scene,
-        config: &ArticulatedConfig,
-        contact: bool,
-        state: &mut [f64],
-        tau: &[f64],
-    ) -> Result<(), String> {
+    fn attempt(&mut self, asked: &Asked, state: &mut [f64]) -> Result<(), String> {
+        let Asked { system, config, contact, .. } = *asked;
         let robot = &system.robot;
         let begin = |own: &mut Self| {
             own.data.external.fill(Wrench::default());
@@ -108,18 +92,18 @@ impl Workspace {
         };
         begin(self);
         if self.stays_implicit(system) || contact && config.contact_step == ContactStep::Implicit {
-            return self.implicit(system, scene, config, config.contact_substeps, state, tau);
+            return self.implicit(asked, config.contact_substeps, state);
         }
         self.start.copy_from_slice(state);
         self.stiff.begin();
         let h = system.frame_time / config.substeps as f64;
         self.touches.eventful = state[robot.nq() + robot.root_dofs()..].iter().any(|v| v.abs() * h > WHIRL_RK4);
-        if self.explicit(system, scene, config, contact, state, tau)? {
+        if self.explicit(asked, state)? {
             return Ok(());
         }
         // A damper, a limit or a friction was met that no explicit substep of this length can bear.
         state.copy_from_slice(&self.start);
         begin(self);
-        self.implicit(system, scene, config, config.substeps.max(config.contact_substeps), state, tau)
+        self.implicit(asked, config.substeps.max(config.contact_substeps), state)
     }
 }

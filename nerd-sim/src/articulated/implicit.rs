@@ -28,22 +28,12 @@
 //! ([`crate::drive`]) may pull, until its effort holds it at a constant force. A touch couples only the joints above it, so the matrix keeps the
 //! tree's zeros and the factorisation its cost. A frame that gives energy is stepped again, finer (`energy.rs`). Where chains are long, the same equations are solved along the tree (`along.rs`).
 
-use nalgebra::UnitQuaternion;
-use nerd_core::dynamics::{crba, kinematics, to_local, to_world};
-use nerd_core::robot::{Joint, Robot};
-use nerd_core::state::{quaternion, vector, write_quaternion};
+use nerd_core::dynamics::{crba, inertias, to_local, to_world};
 
-use super::along::Tree;
-use super::config::{ArticulatedConfig, Friction};
-use super::energy::WHIRL;
-use super::fold::fold;
-use super::kick::Substep;
 use super::touch::{Contact, EVEN, Touch, ahead};
-use super::touches::Touches;
-use super::workspace::Workspace;
-use crate::scene::Scene;
+use super::{config::Asked, energy::WHIRL, fold::fold, kick::Substep, touches::Touches, workspace::Workspace};
+use crate::prelude::*;
 use crate::solver::gone;
-use crate::system::System;
 
 /// Largest share of `h k` by which a joint's spring is damped.
 pub(super) const CALM: f64 = 0.5;
@@ -52,22 +42,15 @@ pub(super) const HALVINGS: usize = 6;
 
 impl Workspace {
     /// A frame of so many substeps; contacts are looked for in each.
-    pub(super) fn implicit(
-        &mut self,
-        system: &System,
-        scene: &Scene,
-        config: &ArticulatedConfig,
-        substeps: usize,
-        state: &mut [f64],
-        tau: &[f64],
-    ) -> Result<(), String> {
+    pub(super) fn implicit(&mut self, asked: &Asked, substeps: usize, state: &mut [f64]) -> Result<(), String> {
+        let Asked { system, scene, .. } = *asked;
         let robot = &system.robot;
         let (q, qd) = state.split_at_mut(robot.nq());
         to_local(robot, q, qd);
         self.touches.begin(robot, scene);
         let whole = system.frame_time / substeps as f64;
         let (settled, passes) = self.settling;
-        let all = Substep { system, scene, config, settled: settled / substeps as f64, passes, tau, whole, h: whole };
+        let all = Substep { asked, settled: settled / substeps as f64, passes, whole, h: whole };
         for substep in 0..substeps {
             self.substep(&all, substep == 0, HALVINGS, q, qd)?;
         }
@@ -77,7 +60,7 @@ impl Workspace {
 
     /// One substep, in halves if it is too long to be solved.
     fn substep(&mut self, own: &Substep, first: bool, halvings: usize, q: &mut [f64], qd: &mut [f64]) -> Result<(), String> {
-        let Substep { system, scene, config, h, .. } = *own;
+        let (Asked { system, scene, config, .. }, h) = (*own.asked, own.h);
         let robot = &system.robot;
         let half = 0.5 * h;
         if self.touches.tree.is_some() {
@@ -91,7 +74,7 @@ impl Workspace {
             fold(system, &self.stiff.bounds.folds, own.whole, h, config.friction, &mut self.data);
         }
         match self.touches.tree {
-            Some(_) => Tree::begin(robot, &mut self.data),
+            Some(_) => inertias(robot, &mut self.data),
             None => crba(robot, &mut self.data),
         }
         if self.touches.shared != h {

@@ -1,9 +1,9 @@
 //! What a frame keeps of its substeps for the way back.
 
-use nerd_core::dynamics::{Data, Factor};
+use nerd_core::dynamics::Factor;
 
-use super::touch::Touch;
-use super::touches::Touches;
+use super::{touch::Touch, touches::Touches};
+use crate::prelude::*;
 
 /// Of a frame.
 #[derive(Default)]

@@ -1,16 +1,11 @@
 //! The change of velocity over a substep of the implicit step, by repeated solves.
 
-use nalgebra::{DVector, Vector3};
-use nerd_core::dynamics::{Data, bias};
-use nerd_core::robot::Robot;
-use nerd_core::state::vector;
+use nalgebra::DVector;
+use nerd_core::dynamics::bias;
 
-use super::config::{ArticulatedConfig, Friction};
 use super::touch::{Contact, Touch};
-use super::touches::Touches;
-use super::workspace::Workspace;
-use crate::scene::Scene;
-use crate::system::System;
+use super::{config::Asked, touches::Touches, workspace::Workspace};
+use crate::prelude::*;
 
 /// Solves of a substep at most.
 pub(super) const PASSES: usize = 6;
@@ -25,13 +20,10 @@ pub(super) const LOST: f64 = 1e-2;
 /// What a substep of length h (s) is made of.
 #[derive(Clone, Copy)]
 pub(super) struct Substep<'a> {
-    pub(super) system: &'a System,
-    pub(super) scene: &'a Scene,
-    pub(super) config: &'a ArticulatedConfig,
+    pub(super) asked: &'a Asked<'a>,
     /// See [`SETTLED`] and [`PASSES`].
     pub(super) settled: f64,
     pub(super) passes: usize,
-    pub(super) tau: &'a [f64],
     /// The frame's substep (s), and this one, which may be a half of it.
     pub(super) whole: f64,
     pub(super) h: f64,
@@ -40,7 +32,7 @@ pub(super) struct Substep<'a> {
 impl Workspace {
     /// `rate`, the change of local velocities over h, from forces in the substep's middle; `false` if the substep is too long to find it.
     pub(super) fn accelerate_ahead(&mut self, own: &Substep, qd: &[f64], first: bool) -> Result<bool, String> {
-        let Substep { system, scene, config, tau, h, settled, .. } = *own;
+        let (Substep { h, settled, .. }, Asked { system, scene, config, tau, .. }) = (*own, *own.asked);
         let robot = &system.robot;
         let dofs = robot.root_dofs();
         let Touches { touches, shares, mass, tree, .. } = &mut self.touches;

@@ -1,12 +1,9 @@
 //! The solver over a batch.
 
-use super::config::{ArticulatedConfig, Settings};
 use super::kick::{PASSES, SETTLED};
-use super::slopes::covered;
-use super::workspace::Workspace;
-use crate::batch::Batch;
-use crate::solver::parallel::Parallel;
-use crate::solver::{Capabilities, Slopes, Solver, StepError};
+use super::{config::Settings, slopes::covered, workspace::Workspace};
+use crate::prelude::*;
+use crate::{solver::Slopes, solver::parallel::Parallel};
 
 /// Articulated dynamics as a [`Solver`]. Remembers nothing of an environment between frames.
 pub struct Articulated {
@@ -28,34 +25,20 @@ impl Articulated {
         self
     }
 
-    /// As [`Solver::back`], with gradients by the numbers of each environment's robot and scene, too: `[env][row][number]` in the order of
-    /// [`super::numbers`].
+    /// As [`Solver::back`], with gradients by the numbers of each environment's robot and scene, too, in the order of [`super::numbers`].
     ///
     /// Dry friction that is not there and contact points that move over their link are held.
     ///
     /// # Errors
     /// As [`Solver::back`].
-    pub fn back_by_numbers(
-        &mut self,
-        batch: &Batch,
-        torques: &[f64],
-        rows: usize,
-        by_next: &[f64],
-    ) -> Result<(Slopes, Vec<f64>), StepError> {
-        self.gone_back(batch, torques, rows, by_next, true)
+    pub fn back_by_numbers(&mut self, batch: &Batch, torques: &[f64], rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
+        self.goes_back(batch)?;
+        self.parallel.back(&self.settings, batch, torques, rows, by_next, true)
     }
 
-    fn gone_back(
-        &mut self,
-        batch: &Batch,
-        torques: &[f64],
-        rows: usize,
-        by_next: &[f64],
-        numbers: bool,
-    ) -> Result<(Slopes, Vec<f64>), StepError> {
+    fn goes_back(&self, batch: &Batch) -> Result<(), StepError> {
         self.settings.config.check().map_err(StepError::Solver)?;
-        covered(&self.settings.config, batch)?;
-        self.parallel.back(&self.settings, batch, torques, rows, by_next, numbers)
+        covered(&self.settings.config, batch)
     }
 }
 
@@ -66,7 +49,8 @@ impl Solver for Articulated {
     }
 
     fn back(&mut self, batch: &Batch, torques: &[f64], rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
-        Ok(self.gone_back(batch, torques, rows, by_next, false)?.0)
+        self.goes_back(batch)?;
+        self.parallel.back(&self.settings, batch, torques, rows, by_next, false)
     }
 
     fn capabilities(&self) -> Capabilities {

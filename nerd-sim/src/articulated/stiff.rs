@@ -9,16 +9,9 @@
 //! Friction's drag c is bounded by Coulomb's law and so blows nothing up, but where `h c w` is large, with `1 / w` the
 //! point's inertia, it only trembles about rest and lets a standing robot creep. There, too, the frame is stepped implicitly.
 
-use std::sync::Arc;
+use nerd_core::{dynamics::Factor, spatial::parallel_axis};
 
-use nalgebra::{Matrix3, Vector3};
-use nerd_core::contact::ContactPoint;
-use nerd_core::dynamics::Factor;
-use nerd_core::robot::{Joint, JointKind, Limit, Robot};
-use nerd_core::spatial::{BodyInertia, parallel_axis};
-
-use super::config::Integrator;
-use crate::system::System;
+use crate::prelude::*;
 
 /// Largest r of dampers, and of limits under symplectic Euler.
 pub(super) const MOST: f64 = 2.0;

@@ -1,12 +1,7 @@
 //! Touches of the implicit step, by kind: contact, limit, friction, drive.
 
-use nalgebra::Vector3;
-use nerd_core::contact::{ContactPoint, Locus};
-use nerd_core::dynamics::Data;
-
-use super::config::Friction;
 use super::force::drag;
-use crate::scene::Material;
+use crate::prelude::*;
 
 /// Velocity (rad/s or m/s) below which dry friction holds, as a drag: what it holds creeps.
 pub(super) const CREEP: f64 = 1e-3;

@@ -1,14 +1,12 @@
 //! Working memory of the implicit step.
 
-use nalgebra::{DMatrix, Vector3};
-use nerd_core::robot::Robot;
+use nalgebra::DMatrix;
 
-use super::along::Tree;
-use super::touch::Touch;
-use crate::scene::Scene;
-use crate::system::System;
+use super::{along::Tree, touch::Touch};
+use crate::prelude::*;
 
 /// Working memory.
+#[derive(Default)]
 pub(super) struct Touches {
     pub(super) touches: Vec<Touch>,
     pub(super) columns: Vec<(usize, Vector3<f64>)>,
@@ -49,17 +47,14 @@ impl Touches {
             weights: vec![None; points + 2 * joints],
             braked: vec![0.0; joints],
             shares: vec![0.0; joints],
-            shared: 0.0,
             pull: vec![0.0; joints],
-            even: false,
-            eventful: false,
-            work: (0.0, 0.0),
             mass: DMatrix::zeros(nv, nv),
             tree: Tree::new(system),
             middle: vec![0.0; nv],
             rate: vec![0.0; nv],
             right: vec![0.0; nv],
             before: vec![0.0; robot.nq()],
+            ..Self::default()
         }
     }
 

@@ -1,19 +1,10 @@
 //! Working memory of a frame, and the contact events in it.
 
-use std::sync::Arc;
+use nerd_core::dynamics::{Factor, velocities};
 
-use nalgebra::Vector3;
-use nerd_core::contact::ContactEvent;
-use nerd_core::dynamics::{Data, Factor, point_position, velocities};
-use nerd_core::robot::Robot;
-
-use super::kept::Kept;
-use super::memory::Memory;
 use super::stiff::{Bounds, Stiff};
-use super::touches::Touches;
-use crate::drive::Drive;
-use crate::scene::{Material, Scene};
-use crate::system::System;
+use super::{kept::Kept, memory::Memory, touches::Touches};
+use crate::prelude::*;
 
 /// Working memory of one environment at a time; nothing in it outlives a frame.
 pub(super) struct Workspace {

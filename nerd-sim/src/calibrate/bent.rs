@@ -88,13 +88,14 @@ impl Subject {
             let share = 1.0 / trial.measured.len() as f64;
             let earlier = [&trial.earlier].into_iter().chain(&trial.torques);
             for ((torques, before), measured) in trial.torques.iter().zip(earlier).zip(&trial.measured[1..]) {
-                let (slopes, numbers) = match solver.back_by_numbers(batch, &own.late(before, torques), rows, &identity) {
+                let slopes = match solver.back_by_numbers(batch, &own.late(before, torques), rows, &identity) {
                     Ok(found) => found,
                     Err(StepError::Refused(_)) => return None,
                     // As a rollout, it says nothing more.
                     Err(_) => break,
                 };
-                s = DMatrix::from_row_slice(rows, rows, &slopes.states) * s + DMatrix::from_row_slice(rows, by.nrows(), &numbers) * &by;
+                s = DMatrix::from_row_slice(rows, rows, &slopes.states) * s
+                    + DMatrix::from_row_slice(rows, by.nrows(), &slopes.numbers) * &by;
                 if let Some(k) = late {
                     let later = before.iter().zip(torques).map(|(before, now)| (before - now) * by_place[k]);
                     let change =

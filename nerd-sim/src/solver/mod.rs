@@ -5,16 +5,14 @@ mod check;
 pub mod device;
 pub(crate) mod parallel;
 mod refusal;
-mod slopes;
 
 pub(crate) use check::gone;
 pub use check::{check, commit};
 #[cfg(feature = "cuda")]
 pub(crate) use check::{finish, sound};
-pub use refusal::{Capabilities, Fault, StepError};
-pub use slopes::Slopes;
+pub use refusal::{Capabilities, Fault, Slopes, StepError};
 
-use crate::batch::Batch;
+use crate::prelude::*;
 
 /// Advances every environment of a batch by one control frame. It can be sent to another thread, and so can a [`Simulation`].
 pub trait Solver: Send {

@@ -7,8 +7,7 @@ use nerd_core::state::wrap_state;
 use rayon::prelude::*;
 
 use super::check::{finish, gone, sound};
-use super::refusal::Fault;
-use super::slopes::Slopes;
+use super::refusal::{Fault, Slopes};
 use crate::prelude::*;
 
 /// Working memory that advances one environment at a time by one frame; nothing in it outlives a frame.
@@ -53,11 +52,11 @@ pub(crate) trait Back: Frame {
         system: &System,
         scene: &Scene,
         config: &Self::Config,
-        state: &mut [f64],
+        state: &[f64],
         tau: &[f64],
         by_next: &[f64],
         numbers: bool,
-    ) -> Result<[Vec<f64>; 3], String>;
+    ) -> Result<Slopes, String>;
 }
 
 /// Steps the environments of a batch in chunks. Allocates at its first step (or when the batch grows or its robot
@@ -90,13 +89,10 @@ impl<F: Frame> Parallel<F> {
     pub(crate) fn step(&mut self, config: &F::Config, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
         Self::CAPABILITIES.admit(batch)?;
         sound(batch, torques, self.faults.get_mut().unwrap_or_else(PoisonError::into_inner))?;
-        let prepared = self.prepare(batch).map_err(StepError::Solver)?;
+        self.prepare(batch).map_err(StepError::Solver)?;
         let system = &*batch.system;
         let (d, joints) = (system.robot.state_dim(), system.robot.joint_count());
         let chunks = batch.len().div_ceil(F::CHUNK);
-        while self.frames.len() < chunks {
-            self.frames.push(F::new(system, prepared.clone()));
-        }
         let own = &self.own;
         // Out of the batch while that is read by all.
         let mut forces = std::mem::take(&mut batch.forces);
@@ -153,7 +149,7 @@ impl<F: Frame> Parallel<F> {
         rows: usize,
         by_next: &[f64],
         numbers: bool,
-    ) -> Result<(Slopes, Vec<f64>), StepError>
+    ) -> Result<Slopes, StepError>
     where
         F: Back,
     {
@@ -169,54 +165,45 @@ impl<F: Frame> Parallel<F> {
         }
         let mut faults = Vec::new();
         sound(batch, torques, &mut faults)?;
-        let prepared = self.prepare(batch).map_err(StepError::Solver)?;
-        while self.frames.len() < n.div_ceil(F::CHUNK) {
-            self.frames.push(F::new(&batch.system, prepared.clone()));
-        }
+        self.prepare(batch).map_err(StepError::Solver)?;
         let own = &self.own;
         let go = |(env, state, frame): (usize, &[f64], &mut F)| {
             frame.drive(batch.driven(env));
             if let Some((_, prepared)) = own.get(env) {
                 frame.turn_to(prepared);
             }
-            let (mut next, tau) = (state.to_vec(), &torques[env * joints..(env + 1) * joints]);
-            let by_next = &by_next[env * width..(env + 1) * width];
-            let [states, torques, numbers] = frame.back(batch.of(env), &batch.scenes[env], config, &mut next, tau, by_next, numbers)?;
-            match gone(batch.of(env), &next) {
-                Some(reason) => Err(reason),
-                None if !states.iter().chain(&torques).chain(&numbers).all(|x| x.is_finite()) => {
-                    Err("the frame's slopes are not finite".into())
-                }
-                None => Ok((next, states, torques, numbers)),
+            let (tau, by_next) = (&torques[env * joints..(env + 1) * joints], &by_next[env * width..(env + 1) * width]);
+            let mut found = frame.back(batch.of(env), &batch.scenes[env], config, state, tau, by_next, numbers)?;
+            if let Some(reason) = gone(batch.of(env), &found.next) {
+                return Err(reason);
             }
+            if ![&found.states, &found.torques, &found.numbers].into_iter().flatten().all(|x| x.is_finite()) {
+                return Err("the frame's slopes are not finite".into());
+            }
+            wrap_state(robot, &mut found.next);
+            Ok(found)
         };
         let chunk = |(chunk, (states, frame)): (usize, (&[f64], &mut F))| {
             let all = states.chunks_exact(d).enumerate();
             all.map(|(i, state)| go((chunk * F::CHUNK + i, state, &mut *frame))).collect::<Vec<_>>()
         };
-        let bad = faults.len();
-        let found: Vec<_> = match bad {
-            0 => batch.states.par_chunks(F::CHUNK * d).zip(&mut self.frames).enumerate().map(chunk).flatten_iter().collect(),
-            _ => Vec::new(),
-        };
-        let (mut out, mut by_numbers) = (Slopes::default(), Vec::new());
+        if !faults.is_empty() {
+            return Err(StepError::Environments(faults));
+        }
+        let chunks = batch.states.par_chunks(F::CHUNK * d).zip(&mut self.frames).enumerate();
+        let found: Vec<Result<Slopes, String>> = chunks.map(chunk).flatten_iter().collect();
+        let mut out = Slopes::default();
         for (env, found) in found.into_iter().enumerate() {
             match found {
-                Ok((mut next, states, torques, numbers)) => {
-                    wrap_state(robot, &mut next);
-                    out.next.extend(next);
-                    out.states.extend(states);
-                    out.torques.extend(torques);
-                    by_numbers.extend(numbers);
-                }
+                Ok(found) => out.append(found),
                 Err(reason) => faults.push(Fault { env, frame: batch.frames[env], reason: batch.of(env).source.lost(reason) }),
             }
         }
-        if faults.is_empty() { Ok((out, by_numbers)) } else { Err(StepError::Environments(faults)) }
+        if faults.is_empty() { Ok(out) } else { Err(StepError::Environments(faults)) }
     }
 
-    /// Looks at the batch's robots as far as they are others than in the last frame.
-    fn prepare(&mut self, batch: &Batch) -> Result<Arc<F::Prepared>, String> {
+    /// Looks at the batch's robots as far as they are others than in the last frame, and makes memory for all chunks.
+    fn prepare(&mut self, batch: &Batch) -> Result<(), String> {
         let prepared = match &self.prepared {
             Some((system, prepared)) if Arc::ptr_eq(system, &batch.system) => prepared.clone(),
             _ => {
@@ -244,6 +231,9 @@ impl<F: Frame> Parallel<F> {
                 None => self.own.push(prepared),
             }
         }
-        Ok(prepared)
+        while self.frames.len() < batch.len().div_ceil(F::CHUNK) {
+            self.frames.push(F::new(&batch.system, prepared.clone()));
+        }
+        Ok(())
     }
 }

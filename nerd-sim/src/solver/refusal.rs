@@ -1,6 +1,6 @@
 //! What a solver can do beside stepping states, and why it could not step.
 
-use crate::batch::Batch;
+use crate::prelude::*;
 
 /// What a solver can do beside stepping states; ask [`super::Solver::capabilities`] before the first step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -72,4 +72,27 @@ fn line(faults: &[Fault]) -> String {
     let Some(Fault { env, frame, reason }) = faults.first() else { return "no environment failed".into() };
     let others = if faults.len() > 1 { format!(" (and {} environments more)", faults.len() - 1) } else { String::new() };
     format!("environment {env}, frame {frame}: {reason}{others}")
+}
+
+/// What [`super::Solver::back`] finds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Slopes {
+    /// States after the frame, `[env][q, qd]`.
+    pub next: Vec<f64>,
+    /// Gradients by the states before it, `[env][row][2 nv]`.
+    pub states: Vec<f64>,
+    /// Gradients by the torques, `[env][row][joint]`.
+    pub torques: Vec<f64>,
+    /// Gradients by numbers of robot and scene where they were asked for, `[env][row][number]`.
+    pub numbers: Vec<f64>,
+}
+
+impl Slopes {
+    /// Those of more environments.
+    pub fn append(&mut self, more: Self) {
+        self.next.extend(more.next);
+        self.states.extend(more.states);
+        self.torques.extend(more.torques);
+        self.numbers.extend(more.numbers);
+    }
 }

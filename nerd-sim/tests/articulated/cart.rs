@@ -24,7 +24,6 @@ fn a_cart_keeps_its_speed_and_height() {
         // A second to settle on its springs.
         let [first, last] = [59, 359].map(|frame: usize| &states[frame]).map(|s| (vector(&s[14..]) + vector(&s[11..]).cross(&vector(s))).x);
         let what = format!("{substeps} substeps: {first:.6} m/s after 1 s, {last:.6} m/s after 6 s, aside {:.1e} m", states[359][1]);
-        println!("{what}");
         assert!((last / first - 1.0).abs() < 1e-5 && (first - 1.0).abs() < 1e-3, "{what}");
         // However far its wheels have turned.
         assert!(states.iter().all(|s| (s[2] - height).abs() < 0.01), "{substeps} substeps: not at {height} m");

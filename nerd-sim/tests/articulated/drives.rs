@@ -28,7 +28,6 @@ fn a_soft_drive_is_the_damped_oscillator() {
         let motion = driven(Drive { kp, kd, target, ..Drive::default() }, substeps, 60);
         motion.iter().enumerate().map(|(k, s)| (s[0] - exact((k + 1) as f64 / 60.0)).abs()).fold(0.0, f64::max)
     });
-    println!("{coarse:.1e} rad off at 4 substeps, {fine:.1e} at 8");
     assert!(fine < 1e-4, "{fine} rad from the exact motion");
     assert!((3.3..4.7).contains(&(coarse / fine)), "not of second order: {coarse} at 4 substeps, {fine} at 8");
 }
@@ -38,7 +37,6 @@ fn any_gain_is_stable_and_comes_to_its_target() {
     for (kp, kd) in [(10.0, 2.0), (1e4, 50.0), (1e6, 1e3), (1e9, 1e6), (1e9, 0.0), (0.0, 1e9)] {
         let motion = driven(Drive { kp, kd, target: 0.3, ..Drive::default() }, 4, 300);
         let (most, end) = (motion.iter().map(|s| s[0].abs()).fold(0.0, f64::max), motion[299][0]);
-        println!("kp {kp}, kd {kd}: {most:.3} rad at most, {end:.3} at the end");
         assert!(most < 0.7, "kp {kp}, kd {kd}: {most} rad on the way to 0.3");
         let expected = if kp > 0.0 { 0.3 } else { 0.0 };
         assert!(kd == 0.0 || (end - expected).abs() < 1e-3, "kp {kp}, kd {kd}: at {end} rad after five seconds, not {expected}");

@@ -86,6 +86,5 @@ fn a_limp_fall_gives_no_energy() {
         ("an arm with a light end", rise(&arm(false), false, stretched)),
         ("limits hit hard", rise(&arm(true), false, stretched)),
     ];
-    falls.iter().for_each(|(what, rise)| println!("{what}: energy rises by {rise:.1e} of what the fall releases"));
     assert!(falls.iter().all(|(_, rise)| *rise < 1e-4), "{falls:?}");
 }

@@ -49,7 +49,6 @@ fn a_folded_arm_rests_on_itself() {
         let (height, textbook) = (0.15 + 0.3 * q.cos(), 0.04 - if material.is_empty() { 0.0 } else { pressed / 1e3 });
         // Of the default material, as hard as substeps can follow.
         let bound = if material.is_empty() { 5e-4 } else { 4e-5 };
-        println!("{torque} N m: tip at {height:.6} m, textbook {textbook:.6}; angle {q:.5} rad, speed {:.1e} rad/s", batch.state(0)[5]);
         assert!((height - textbook).abs() < bound, "{torque} N m: tip at {height} m, textbook {textbook}");
         assert!(batch.state(0)[5].abs() < 1e-6, "it is not at rest: {} rad/s", batch.state(0)[5]);
     }
@@ -134,7 +133,6 @@ fn sliders_that_meet_keep_momentum() {
     let states = motion(&mut Articulated::new(ArticulatedConfig::accurate(&system)), at(&system, "free", &start), 0.0, 30);
     let last = totals(&system.robot, &states[29], &mut data);
     let (off, speed) = ((last.momentum.vector() - first.momentum.vector()).amax(), states[29][nq + 7] - states[29][nq + 6]);
-    println!("momentum off by {off:.1e}, they part at {speed:.3} m/s of 5, {:.4} of {:.4} J are left", last.kinetic, first.kinetic);
     assert!(off < 1e-10 && speed >= -1e-9 && last.kinetic <= first.kinetic, "{off:e}, {speed}, {} J", last.kinetic);
 }
 
@@ -156,5 +154,4 @@ fn what_touches_by_design_is_left_out() {
     // With nothing to touch it is the robot that it was.
     let plain = System::from_text("closed", &urdf(&parts), Some("like = \"urdf\"\nfloating = true\ncontact = []\n")).expect("a robot");
     assert_eq!(plain.robot_sha256(), folding("closed", &parts, "floating = true\n").robot_sha256());
-    println!("{apart}; {closed}");
 }

@@ -37,7 +37,6 @@ fn forces_are_what_changes_momentum() {
             touched += usize::from(last.norm() > 0.0);
         }
         let weight = (last + gravity * m).norm() / (gravity * m).norm();
-        println!("momentum and forces {worst:.1e} apart, {touched} frames of contact, at rest {weight:.1e} of the weight off");
         assert!(worst < 0.02, "{:?}: forces are {worst} off what changes momentum", preset(&system));
         assert!(touched > 200 && weight < 0.02, "{touched} frames of contact, at rest {last:?}");
     }

@@ -37,7 +37,6 @@ fn a_slide_slows_down_evenly_and_stops() {
     for (config, allowed) in settings(&system) {
         let half = after(&system, config, 1.0, 15);
         let end = after(&system, config, 1.0, 60);
-        println!("{:.4} m/s after 1/4 s, stops at {:.4} m", half[2], end[0]);
         assert!((half[2] / (1.0 - 0.25 * 4.0 / 2.001) - 1.0).abs() < allowed, "{config:?}: {} m/s after 1/4 s", half[2]);
         assert!((end[0] / (2.001 / 8.0) - 1.0).abs() < allowed, "{config:?}: stops at {} m", end[0]);
         assert!(end[2].abs() < 1e-9, "{config:?}: {} m/s at rest", end[2]);
@@ -52,7 +51,6 @@ fn what_is_held_creeps_and_what_is_not_falls() {
         let system = slide("0 0 1", friction, 1.0);
         for (config, allowed) in settings(&system) {
             let (z, fall) = (after(&system, config, 0.0, 60)[0], 0.5 * (9.81 - friction / 2.001));
-            println!("{friction} N: {z:.5} m");
             let right = if held { (-1e-3..=0.0).contains(&z) } else { (-z / fall - 1.0).abs() < allowed };
             assert!(right, "{config:?}, {friction} N: {z} m, free fall against it {fall} m");
         }

@@ -38,7 +38,6 @@ fn a_damper_of_any_stiffness_dies_away() {
                 assert!((v - exact).abs() < allowed, "{place}");
                 before = v;
             }
-            println!("{name}, {scene}, d = {damping}: {before:.1e} rad/s are left after 0.5 s");
             assert!(damping < 0.3 || before < 1e-6, "{name}, {scene}, d = {damping}: {before:e} rad/s are left after 0.5 s");
         }
     }
@@ -59,7 +58,6 @@ fn coupled_dampers_take_energy_only() {
                 assert!(e <= before.min(1.05 * first) * 1.001, "{name}, d = {damping}, frame {k}: {e:e} J, before {before:e} of {first:e}");
                 before = e;
             }
-            println!("{name}, d = {damping}: {before:.1e} of {first:.1e} J are left after 1 s");
         }
     }
 }
@@ -76,7 +74,6 @@ fn a_limit_of_any_stiffness_holds() {
             let deepest = states.iter().map(|s| s[0].abs() - 1.0).fold(f64::MIN, f64::max);
             let fastest = states.iter().map(|s| s[1].abs()).fold(0.0, f64::max);
             let allowed = 3.0 * (1e-3f64 / stiffness).sqrt() + 3.0 / 60.0 / 4.0;
-            println!("{name}, {scene}, k = {stiffness:e}: {deepest:.1e} rad beyond, back at {fastest:.2} rad/s");
             assert!(deepest < allowed, "{name}, {scene}, k = {stiffness:e}: {deepest} rad beyond, allowed {allowed}");
             assert!(fastest < 3.0 * 1.05, "{name}, {scene}, k = {stiffness:e}: {fastest} rad/s, came at 3");
         }
@@ -96,7 +93,6 @@ fn limits_wider_than_a_turn_act_where_they_are() {
         let [inside, beyond] = [4.0, 6.5].map(|q| end(solver, at(&system, "free", &[q, 0.0]), 0.0, 6));
         // A spring's first tenth of a second: 6 + 0.5 cos(10 t), I = 0.1 kg m^2.
         let exact = 6.0 + 0.5 * 1.0f64.cos();
-        println!("{name}: from 6.5 rad to {:.4}, the spring's {exact:.4}", beyond[0]);
         assert!((inside[0] - 4.0).abs() < 1e-6 && inside[1].abs() < 1e-6, "{name}: at 4 rad it moves to {inside:?}");
         assert!((beyond[0] - exact).abs() < 0.03, "{name}: from 6.5 rad to {}, the spring's {exact}", beyond[0]);
     }

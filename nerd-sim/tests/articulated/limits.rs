@@ -43,7 +43,6 @@ fn a_grip_stays_within_its_range() {
             // Dropped through its range; pushed at its end by all its effort, and back.
             for (what, start, tau) in [("dropped", [0.0, 0.0], 0.0), ("pushed out", [0.08, 0.0], 20.0), ("pushed in", [0.0, 0.0], -20.0)] {
                 let [_, found] = excess(&system, config, &start, tau);
-                println!("{name}, {mass} kg, {what}: {:.1} % of the range beyond its end", 100.0 * found);
                 assert!(found < 0.05, "{name}, {mass} kg, {what}: {:.1} % of the range beyond its end", 100.0 * found);
                 assert!(tau == 0.0 || found > 1e-3, "{name}, {mass} kg, {what}: {found}, a limit is a spring");
             }
@@ -65,7 +64,6 @@ fn arms_fall_into_their_limits_and_stay() {
             // Thrown against the stops.
             start[rates..].iter_mut().enumerate().for_each(|(i, v)| *v = if i % 2 == 0 { 3.0 } else { -3.0 });
             let [_, found] = excess(&system, config, &start, 0.0);
-            println!("{name}, {links} links: {:.1} % of the range beyond an end", 100.0 * found);
             assert!(found < 0.1, "{name}, {links} links: {:.1} % of the range beyond an end", 100.0 * found);
         }
     }
@@ -101,7 +99,6 @@ fn a_joint_without_a_range_is_locked() {
         assert!(limit.stiffness.is_finite() && limit.stiffness > 0.0, "stiffness {}", limit.stiffness);
         for (name, config) in presets(&system) {
             let [most, _] = excess(&system, config, &[0.0; 2], 0.0);
-            println!("{name}: a locked joint gives way by {most:.1e} m");
             assert!(most < 4e-3, "{name}: a locked joint gives way by {most:.1e} m");
         }
     }

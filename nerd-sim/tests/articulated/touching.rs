@@ -77,7 +77,6 @@ fn a_ball_in_a_corner_feels_floor_and_riser() {
             };
             let [both, one, two] = [vec![floor(), riser.clone()], vec![riser.clone()], vec![floor()]].map(&mut way);
             let apart = (both.x / one.x - 1.0).abs().max((both.z / two.z - 1.0).abs());
-            println!("{name}: pushed by {both:?}, {apart:.1e} off what either does alone");
             assert!(one.x < -1e-4 && two.z > 1e-4, "{name}: neither pushes: {one:?}, {two:?}");
             assert!(apart < 1e-6, "{name}: {both:?}, alone {one:?} and {two:?}");
         }
@@ -91,7 +90,6 @@ fn a_box_leans_on_floor_and_wall() {
     let room = scene([5.0, 0.0, -9.81], vec![floor(), block([0.1, -1.0, -0.5], [1.0, 1.0, 1.0])]);
     for (name, mut solver) in solvers(&system) {
         let p = vector(&end(&mut solver, within(&system, &room, &Body::at([0.0, 0.0, 0.1])), 0.0, 120));
-        println!("{name}: {p:?}");
         assert!(p.x.abs() < 2e-3 && (p.z - 0.1).abs() < 2e-3, "{name}: {p:?}, it leans at x 0, z 0.1");
     }
 }
@@ -106,7 +104,6 @@ fn a_seam_between_tiles_is_no_bump() {
         let mut path = |colliders| motion(&mut solver, within(&system, &scene(DOWN, colliders), &rolling), 0.0, 60);
         let (seam, plane) = (path(tiles.clone()), path(vec![floor()]));
         let gap = seam.iter().zip(&plane).map(|(a, b)| (vector(a) - vector(b)).norm()).fold(0.0, f64::max);
-        println!("{name}: {gap:.1e} m apart from rolling on a plane");
         assert!(plane[59][0] > 0.2 && gap < 1e-6, "{name}: {gap:.1e} m apart from rolling on a plane, which ends at {} m", plane[59][0]);
     }
 }
@@ -142,7 +139,6 @@ fn a_cylinder_rests_on_its_end_and_on_its_side() {
             for (solver, mut one) in all_solvers(&system) {
                 let state = end(&mut one, resting(&system, &room, [0.0, 0.0, height + 0.002], turn), 0.0, 180);
                 let upright = (quaternion(&state[3..7]) * Vector3::z()).dot(&(turn * Vector3::z()));
-                println!("{name}, {solver}: rests at {:.5} m of {height}, axis kept to {upright:.5}", state[2]);
                 assert!((-1e-3..1e-3).contains(&(state[2] - height)), "{name}, {solver}: rests at {} m, not {height}", state[2]);
                 assert!(upright > 0.999, "{name}, {solver}: its axis fell to {upright} of where it was");
             }
@@ -210,6 +206,5 @@ fn among_many_colliders_the_nearest_is_found() {
         assert_eq!(inside(&events), inside(&found), "at {place:?}");
         others += usize::from(event.collider + 1 != all.colliders.len());
     }
-    println!("{others} of 2000 places are nearest to something else than the floor");
     assert!(others > 1000, "{others} of 2000 places are nearest to something else than the floor");
 }

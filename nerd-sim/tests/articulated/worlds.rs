@@ -61,7 +61,6 @@ fn a_cube_comes_to_rest_in_every_world() {
             contacts(&system.robot, &batch.scenes[env], state, &mut data, &mut events);
             let nearest = events.iter().map(|e| e.distance).fold(f64::INFINITY, f64::min);
             let speed = state[7..].iter().fold(0.0f64, |a, b| a.max(b.abs()));
-            println!("{world} {env}: {nearest:.1e} m from the surface at {speed:.1e} m/s or rad/s");
             assert!(nearest.abs() < 2e-3 && speed < 0.1, "{world} {env}: {nearest} m from the surface at {speed} m/s or rad/s");
         }
     }

@@ -1,7 +1,40 @@
 //! Kernels as programs of this machine: their text is plain C++, too.
 
+// Each test file is a crate of its own and uses a part of this.
+#![allow(dead_code)]
+
 use std::io::Write;
 use std::process::{Command, Stdio};
+
+/// Names of CUDA, for kernels whose threads are launched one after the other, each a block.
+const NAMES: &str = "#include <cmath>
+#include <cstdio>
+#include <vector>
+#define __global__
+#define __shared__
+#define __align__(bytes)
+#define __launch_bounds__(threads)
+struct Place { int x, y; };
+static Place blockIdx, threadIdx, blockDim = {1, 1};
+struct Buffer { long long size; std::vector<double> room; template <class T> operator T*() { return (T*)room.data(); } };
+";
+
+/// Reads buffers `b` before launches, and writes them after.
+const BEGIN: &str = "
+int main() {
+    int count = 0;
+    std::fread(&count, 4, 1, stdin);
+    std::vector<Buffer> b(count);
+    for (Buffer& own : b) {
+        std::fread(&own.size, 8, 1, stdin);
+        own.room.resize(own.size / 8 + 1);
+        if (std::fread(own.room.data(), 1, own.size, stdin) != (size_t)own.size) return 1;
+    }
+";
+const END: &str = "
+    for (Buffer& own : b) std::fwrite(own.room.data(), 1, own.size, stdout);
+}
+";
 
 /// A compiler of C++, and a folder for what it makes.
 pub struct Compiler {
@@ -34,4 +67,26 @@ impl Compiler {
         assert!(output.status.success(), "{:?}", output.status);
         output.stdout
     }
+
+    /// What kernels of a text leave in buffers, which the lines of `launches` know as `b[0]`, `b[1]` and so on.
+    pub fn launch(&self, text: &str, launches: &str, buffers: &[Vec<u8>]) -> Vec<Vec<u8>> {
+        let mut input = (buffers.len() as i32).to_le_bytes().to_vec();
+        buffers.iter().for_each(|b| input.extend((b.len() as i64).to_le_bytes().iter().chain(b)));
+        let output = self.run(&[NAMES, text, BEGIN, launches, END].concat(), input);
+        let mut rest = output.into_iter();
+        buffers.iter().map(|b| rest.by_ref().take(b.len()).collect()).collect()
+    }
+}
+
+/// Numbers in the bytes of a buffer.
+pub fn bytes<T: Copy, const N: usize>(numbers: &[T], of: fn(T) -> [u8; N]) -> Vec<u8> {
+    numbers.iter().flat_map(|x| of(*x)).collect()
+}
+
+pub fn doubles(bytes: &[u8]) -> Vec<f64> {
+    bytes.as_chunks().0.iter().map(|b| f64::from_le_bytes(*b)).collect()
+}
+
+pub fn floats(bytes: &[u8]) -> Vec<f32> {
+    bytes.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect()
 }

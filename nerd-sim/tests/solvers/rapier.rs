@@ -27,7 +27,6 @@ fn the_pendulum_does_not_sink_into_the_ground() {
         })
         .collect();
     let worst = depths.iter().copied().fold(0.0, f64::max);
-    println!("penetration: {worst:.2e} m, after 5 s {:.2e} m", depths[299]);
     assert!(worst < 0.04, "{worst:.3e} m at impact, bound 0.04 m");
     assert!(depths[299] < 1e-3, "{:.3e} m at rest, bound 1e-3 m", depths[299]);
 }
@@ -49,7 +48,6 @@ fn a_floating_robot_converges_to_the_articulated_solution() {
         let found = after(&mut Rapier::new(RapierConfig { iterations: 1, steps, ..Default::default() }));
         found.iter().zip(&reference).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
     });
-    println!("floating, hinged: {coarse:.2e} at 32 outer steps, {fine:.2e} at 64");
     assert!((1.6..2.5).contains(&(coarse / fine)), "{coarse:.2e} to {fine:.2e}: ratio {:.2}, first order is 2", coarse / fine);
     assert!(fine < 2e-2, "{fine:.2e} at 64 outer steps, bound 2e-2");
 }
@@ -68,7 +66,6 @@ fn contacts_bounce_as_far_as_they_are_told_to() {
         let landed = heights.windows(2).position(|w| w[1] > w[0] + 1e-4).unwrap_or(heights.len() - 1);
         heights[landed..].iter().fold(f64::MIN, |a, b| a.max(*b))
     });
-    println!("rebound {none:.4} m at 0, {half:.4} m at 0.5");
     assert!(none < 1e-3 && (half / 0.05 - 1.0).abs() < 0.2, "{none} m, {half} m");
     let said = line(solver(1.5).step(&mut dropped.clone(), &[]));
     assert!(said.contains("restitution is 1.5"), "{said}");

@@ -44,7 +44,6 @@ fn round_bodies_move_alike_at_any_number_of_substeps() {
         for (name, most) in rolling.iter().chain(tipping.iter().filter(|_| !few)) {
             let row = *Suite::new().rows().iter().find(|row| row.name == *name).expect("a row");
             let figure = row.cell(&implicit_method(substeps)).figure.expect("measured");
-            println!("{name}, {substeps} substeps: {figure:.2e}");
             assert!(figure < *most, "{name}, {substeps} substeps: {figure:e}, at most {most:e}");
         }
     }

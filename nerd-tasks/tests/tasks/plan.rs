@@ -129,7 +129,7 @@ impl Solver for Rail {
         let torques = by_next.chunks_exact(4).flat_map(|row| [FRAME * row[2], 0.0]).collect();
         let number = |k: usize| if bad(k / (4 * rows), Bad::NotANumber) { f64::NAN } else { 1.0 };
         let states = by_next.iter().enumerate().map(|(k, by)| number(k) * by).collect();
-        Ok(Slopes { next: Vec::new(), states, torques })
+        Ok(Slopes { states, torques, ..Slopes::default() })
     }
 }
 

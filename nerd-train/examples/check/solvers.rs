@@ -9,7 +9,7 @@ use nerd_model::folder::Model;
 use nerd_model::neural::Neural;
 use nerd_model::pick::Setting;
 use nerd_model::transformer::{ForwardError, Stream, packed};
-use nerd_sim::articulated::device::{CudaArticulated, Real};
+use nerd_sim::articulated::device::{CudaArticulated, Real, Roll};
 use nerd_sim::dataset::{GenerateConfig, begin};
 use nerd_sim::prelude::*;
 use nerd_train::device::{Device, resident};

@@ -103,7 +103,6 @@ mod tests {
             forward(f, false, &mut xs.clone(), &mut ys);
             assert!(ys[xs.len() - 1].is_nan(), "{f:?}(NaN) = {}", ys[xs.len() - 1]);
             let off = xs.iter().zip(&ys).map(|(x, y)| (f64::from(*y) - library(f64::from(*x))).abs()).fold(0.0, f64::max);
-            println!("{f:?}: off by {off:.1e}");
             assert!(f == Activation::Gelu || off < 5e-7, "{f:?}: off by {off:.1e}");
         }
     }

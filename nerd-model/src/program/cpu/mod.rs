@@ -10,12 +10,12 @@ mod elementwise;
 mod matrix;
 mod neighbours;
 
+use attend::Attention;
 pub(crate) use attend::Ring;
+use elementwise::normalize;
 use matrix::Matrix;
 
 use super::{Op, Program, Slot, Weight};
-use attend::Attention;
-use elementwise::normalize;
 
 /// A program with weights.
 #[derive(Default)]

@@ -187,4 +187,3 @@ FN V3 reached(const Along& f, int link, V3 x) {
     const double* a = f.acceleration[link];
     return v3((real)(a[3] + a[1] * x.z - a[2] * x.y), (real)(a[4] + a[2] * x.x - a[0] * x.z), (real)(a[5] + a[0] * x.y - a[1] * x.x));
 }
-

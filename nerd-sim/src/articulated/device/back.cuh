@@ -92,7 +92,6 @@ BIG int frame_back(const double* state, const double* tau, const double* scene, 
     return 0;
 }
 
-#ifdef __CUDACC_RTC__
 // `rows` gradients of each environment, a thread each: zeros where its frame is a fault. The first of them writes the state after the frame and the
 // fault, if they have a place.
 extern "C" __global__ void slopes(const double* states, const double* torques, const double* scenes, const int* scene_of, const double* drives,
@@ -109,31 +108,3 @@ extern "C" __global__ void slopes(const double* states, const double* torques, c
     faults[env] = fault;
     for (int k = 0; k < NQ + NV && !fault; k++) nexts[(long long)env * (NQ + NV) + k] = next[k];
 }
-#else
-#include <cstdio>
-// The same from standard input to standard output: n, rows, scenes; states, torques, scenes, scene of each, drives, gradients.
-int main() {
-    int head[3];
-    if (std::fread(head, 4, 3, stdin) != 3) return 1;
-    const int n = head[0], rows = head[1], scenes = head[2], all = n * rows;
-    double *states = new double[n * (NQ + NV)], *torques = new double[n * NJ + 1], *scene = new double[scenes * SCENE];
-    double *by_next = new double[all * 2 * NV], *next = new double[n * (NQ + NV)], *by_states = new double[all * 2 * NV];
-    double *by_torques = new double[all * NJ + 1], *drives = new double[n * 5 * NJ + 1];
-    int* of = new int[n];
-    size_t got = std::fread(states, 8, n * (NQ + NV), stdin) + std::fread(torques, 8, n * NJ, stdin) + std::fread(scene, 8, scenes * SCENE, stdin);
-    got += std::fread(of, 4, n, stdin) + std::fread(drives, 8, n * 5 * DRIVES, stdin) + std::fread(by_next, 8, all * 2 * NV, stdin);
-    for (int env = 0; env < n; env++) {
-        int fault = 0;
-        for (int at = env * rows; at < (env + 1) * rows && !fault; at++)
-            fault = frame_back(states + env * (NQ + NV), torques + env * NJ, scene + of[env] * SCENE, drives + env * 5 * DRIVES, by_next + at * 2 * NV, next + env * (NQ + NV),
-                               by_states + at * 2 * NV, by_torques + at * NJ);
-        of[env] = fault;
-    }
-    std::fwrite(next, 8, n * (NQ + NV), stdout);
-    std::fwrite(by_states, 8, all * 2 * NV, stdout);
-    std::fwrite(by_torques, 8, all * NJ, stdout);
-    std::fwrite(of, 4, n, stdout);
-    std::fprintf(stderr, "%zu bytes of a thread\n", sizeof(Work) + sizeof(Explicit) + sizeof(Back));
-    return got != (size_t)n * (NQ + NV) + n * NJ + scenes * SCENE + n + n * 5 * DRIVES + (size_t)all * 2 * NV;
-}
-#endif

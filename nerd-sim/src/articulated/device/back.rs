@@ -5,12 +5,9 @@
 //! again. Kept are eight times the substeps of the settings; a frame that its energy asks to be finer than that (`energy.rs`) is a fault of its environment. In
 //! 32 bits and with eight substeps a thread needs `29496` bytes for an Ant and `33848` for an ANYmal.
 
-use super::super::ArticulatedConfig;
 use super::program::{Reach, Real, deep, functions};
 use crate::articulated::slopes::covered;
-use crate::batch::Batch;
-use crate::solver::StepError;
-use crate::system::System;
+use crate::prelude::*;
 
 const KERNELS: [&str; 6] = [
     include_str!("adjoint.cuh"),
@@ -23,7 +20,7 @@ const KERNELS: [&str; 6] = [
 
 /// The text for one robot: the kernel `slopes`.
 pub fn back_program(system: &System, config: &ArticulatedConfig, real: Real, reach: Reach) -> String {
-    functions(system, config, real, reach) + &KERNELS.concat()
+    functions(system, config, real, reach).0 + &KERNELS.concat()
 }
 
 /// Refuses what has no slopes on a device.

@@ -1,11 +1,7 @@
 //! Starts and the robot's own controller, as kernels for episodes on a device.
 
-use std::fmt::Write;
-
-use super::super::{ArticulatedConfig, Friction};
-use super::program::{Reach, Real, flag, functions, number, record, table, whole};
-use crate::range::Range;
-use crate::system::System;
+use super::program::{Reach, Real, functions, number, record};
+use crate::prelude::*;
 use crate::system::start::{DRAWS, Start, least_clearance};
 
 /// The random numbers of ChaCha8, as `rand` makes them of it: `chacha8` and `unit`.
@@ -29,22 +25,16 @@ pub fn episode(system: &System, colliders: usize) -> Result<String, String> {
     let record = apart.map(|scene| record(&scene, system, &config, reach)).transpose()?;
     let mut text = functions(system, &config, Real::F64, reach);
     let control = system.spec.control.as_ref();
-    let mut define = |name: &str, value: String| {
-        let _ = writeln!(text, "#define {name} {value}");
-    };
-    define("MOST_DRAWS", DRAWS.to_string());
-    define("CLEARS", flag(record.is_some()));
-    define("APART", number(clear.unwrap_or(0.0)));
-    define("CONTROLLED", flag(control.is_some()));
-    define("RELATIVE", flag(control.is_some_and(|c| c.relative)));
-    define("AHEAD", flag(control.is_some_and(|c| c.ahead)));
-    define("CLAMPED", flag(control.is_some_and(|c| c.clamp)));
-    define("ACTION_SCALE", number(control.map_or(0.0, |c| c.scale)));
-    let mut numbers = |name: &str, values: Vec<f64>| table(&mut text, "double", name, values.iter().map(|x| number(*x)));
+    text.define([("MOST_DRAWS", DRAWS)]);
+    let flags = [("RELATIVE", control.is_some_and(|c| c.relative)), ("AHEAD", control.is_some_and(|c| c.ahead))];
+    let more = [("CLAMPED", control.is_some_and(|c| c.clamp)), ("CONTROLLED", control.is_some()), ("CLEARS", record.is_some())];
+    text.define(flags.into_iter().chain(more).map(|(name, on)| (name, i32::from(on))));
+    text.define([("APART", clear.unwrap_or(0.0)), ("ACTION_SCALE", control.map_or(0.0, |c| c.scale))].map(|(name, x)| (name, number(x))));
+    let mut numbers = |name: &str, values: Vec<f64>| text.table("double", name, values);
     let ends = |range: &Range| [range.low, range.high];
     let root = system.spec.root.as_ref();
     let law = root.map(|root| root.reset.as_ref().unwrap_or(&root.sample));
-    numbers("POSE", root.map_or(vec![0.0; 4], |root| nerd_core::state::quaternion(&root.quaternion).coords.as_slice().to_vec()));
+    numbers("POSE", root.map_or(vec![0.0; 4], |root| quaternion(&root.quaternion).coords.as_slice().to_vec()));
     numbers("PLACES", law.map_or(Vec::new(), |l| l.position.iter().flat_map(ends).collect()));
     numbers("SPINS", law.map_or(Vec::new(), |l| l.angular.iter().flat_map(ends).collect()));
     numbers("SPEEDS", law.map_or(Vec::new(), |l| l.linear.iter().flat_map(ends).collect()));
@@ -58,10 +48,7 @@ pub fn episode(system: &System, colliders: usize) -> Result<String, String> {
     numbers("KD", system.joint_specs().map(|j| j.kd).collect());
     numbers("GAIN", system.joint_specs().map(|j| j.gain.unwrap_or(j.torque)).collect());
     numbers("REST", system.joint_specs().map(|j| j.default).collect());
-    let other =
-        |s: &crate::system::JointSpec, i: usize| s.reset.minus.as_ref().and_then(|name| specs[..i].iter().position(|s| &s.name == name));
-    whole(&mut text, "MINUS", specs.iter().enumerate().map(|(i, s)| other(s, i).map_or(-1, |k| k as i64)).collect());
-    text.push_str(RANDOM);
-    text.push_str(include_str!("episode.cuh"));
-    Ok(text)
+    let other = |i: usize| specs[i].reset.minus.as_ref().and_then(|name| specs[..i].iter().position(|s| &s.name == name));
+    text.table("int", "MINUS", (0..specs.len()).map(|i| other(i).map_or(-1.0, |k| k as f64)));
+    Ok(text.0 + RANDOM + include_str!("episode.cuh"))
 }

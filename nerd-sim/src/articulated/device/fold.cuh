@@ -60,4 +60,3 @@ BIG void fold(Work& w, real whole, real h) {
         w.external[b] = wrench(w.external[b].ang - sum.ang, w.external[b].lin - sum.lin);
     }
 }
-

@@ -20,7 +20,7 @@ pub use back::{back_program, goes_back};
 pub use episode::{RANDOM, episode};
 #[cfg(feature = "cuda")]
 pub use motion::{BLOCK, Motion};
-pub use program::{Reach, Real, fault, functions, packed, program, record, surfaces};
+pub use program::{Reach, Real, Text, fault, functions, number, packed, program, record, surfaces};
 #[cfg(feature = "cuda")]
 pub use roll::{OnDevice, Roll};
 #[cfg(feature = "cuda")]

@@ -3,16 +3,15 @@
 use nerd_cuda::{Device, DeviceError};
 
 use super::program::Reach;
-use crate::articulated::config::ArticulatedConfig;
-use crate::batch::Batch;
+use crate::prelude::*;
 use crate::solver::device::{Back, Held, Trail};
-use crate::solver::{Capabilities, StepError};
 
 /// Environments of a block: a full warp, since an access of local memory costs as much for fewer; no more, so that a small batch spreads
 /// over the whole device. Measured on an H200 with 2 to 64.
 pub const BLOCK: usize = 32;
 
-/// What moves environments on a device.
+/// What moves environments on a device. Calls fail if there is none, it fails or its memory is not enough; those that refuse say what, and where
+/// that is done.
 pub trait Motion: Send {
     /// What it can do beside stepping states.
     fn capabilities(&self) -> Capabilities {
@@ -20,9 +19,6 @@ pub trait Motion: Send {
     }
 
     /// Refuses a batch that it has no kernel for, whatever its capabilities.
-    ///
-    /// # Errors
-    /// What that is, and where it can be stepped.
     fn check(&self, _batch: &Batch) -> Result<(), StepError> {
         Ok(())
     }
@@ -31,9 +27,6 @@ pub trait Motion: Send {
     fn config(&self) -> &ArticulatedConfig;
 
     /// Makes kernels for a batch of this reach, and forgets all that was before.
-    ///
-    /// # Errors
-    /// If there is no device, or not enough memory.
     fn open(&mut self, batch: &Batch, reach: Reach) -> Result<(), StepError>;
 
     /// The device with its kernels, once opened.
@@ -41,39 +34,24 @@ pub trait Motion: Send {
 
     /// So many frames of the batch that `held` took over, the first of them `frames[env]` by the environments' own count. Torques are held
     /// over all frames, or there is a set for each.
-    ///
-    /// # Errors
-    /// If the device fails.
     fn advance(&mut self, held: &Held, first: &[u64], frames: usize, hold: bool) -> Result<(), DeviceError>;
 
     /// Refuses a batch whose frames it cannot go back over.
-    ///
-    /// # Errors
-    /// What that is, and where there are slopes.
     fn goes_back(&self, _batch: &Batch) -> Result<(), StepError> {
         Err(StepError::Refused("this solver has no slopes on a card: take them on the CPU".into()))
     }
 
     /// Makes room for the way back over so many frames of the batch, which [`Motion::goes_back`] has admitted.
-    ///
-    /// # Errors
-    /// If there is not enough memory.
     fn keep(&mut self, _batch: &Batch, _frames: usize) -> Result<(), StepError> {
         Ok(())
     }
 
     /// See [`Resident::recall`].
-    ///
-    /// # Errors
-    /// If the device fails.
     fn recall(&self, _held: &Held, _trail: Trail) -> Result<(), DeviceError> {
         Ok(())
     }
 
     /// See [`Resident::back`].
-    ///
-    /// # Errors
-    /// If the device fails.
     fn back(&self, _held: &Held, _trail: Trail, _back: Back) -> Result<(), DeviceError> {
         Ok(())
     }
@@ -88,9 +66,6 @@ pub trait Motion: Send {
 
     /// What is remembered of environments that do not follow on these frames of theirs is forgotten, as [`Motion::advance`] begins. From
     /// here on whoever calls [`Motion::frame`] sees to that, by [`Motion::memory`].
-    ///
-    /// # Errors
-    /// If the device fails.
     fn follow(&mut self, _first: &[u64]) -> Result<(), DeviceError> {
         Ok(())
     }
@@ -101,8 +76,5 @@ pub trait Motion: Send {
     }
 
     /// One frame of what `held` holds, on the device's main stream. Environments whose fault is not 0 may stay as they are.
-    ///
-    /// # Errors
-    /// If the device fails.
     fn frame(&self, held: &Held) -> Result<(), DeviceError>;
 }

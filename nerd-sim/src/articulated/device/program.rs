@@ -1,25 +1,18 @@
 //! The solver as a program for a device: the text of its kernels, with one robot's sizes and tables before them.
 //!
-//! The text is CUDA C++ for NVRTC. Any C++ compiler accepts it too, as a program that steps a batch from its standard input, so the
-//! kernels are tested without a GPU.
+//! The text is CUDA C++ for NVRTC. Any C++ compiler accepts it too, so the kernels are tested without a GPU.
 
-use std::fmt::Write;
+use std::fmt::Display;
 
-use nerd_core::contact::Locus;
 use nerd_core::dynamics::Factor;
-use nerd_core::robot::{Base, JointKind, Robot};
 
 use super::super::energy::{FALL, FINEST, LABOUR, SHARE, WHIRL, WHIRL_RK4};
-use super::super::fold::FOLLOWED;
 use super::super::implicit::{CALM, HALVINGS};
 use super::super::kick::{LOST as FAR_OFF, OFF, PASSES, SETTLED};
 use super::super::stiff::{Bounds, MOST, MOST_DRAG, MOST_RK4, POWERS};
 use super::super::touch::{CREEP, EVEN};
-use super::super::{ArticulatedConfig, ContactStep, Friction, Integrator, Refresh, along};
-use crate::batch::Batch;
-use crate::drive::Drive;
-use crate::scene::Scene;
-use crate::system::System;
+use super::super::{along, fold::FOLLOWED};
+use crate::prelude::*;
 use crate::system::capsules::{BARREL, Capsule};
 
 const KERNELS: [&str; 13] = [
@@ -76,65 +69,90 @@ impl Reach {
     }
 }
 
+/// A text with sizes and tables of the host.
+#[derive(Default)]
+pub struct Text(pub String);
+
+impl Text {
+    /// Names for what does not change.
+    pub fn define<T: Display>(&mut self, all: impl IntoIterator<Item = (&'static str, T)>) {
+        all.into_iter().for_each(|(name, value)| self.0 += &format!("#define {name} {value}\n"));
+    }
+
+    /// An array with at least one entry, since none may have none.
+    pub fn table(&mut self, kind: &str, name: &str, numbers: impl IntoIterator<Item = f64>) {
+        let mut entries: Vec<String> = numbers.into_iter().map(|x| format!("({kind}){}", number(x))).collect();
+        entries.resize(entries.len().max(1), "0".into());
+        self.0 += &format!("TABLE {kind} {name}[] = {{{}}};\n", entries.join(", "));
+    }
+}
+
+/// What is infinite is more than any number of a frame, and fits into an f32.
+pub fn number(x: f64) -> String {
+    format!("{:e}", x.clamp(-1e38, 1e38))
+}
+
 /// Vectors in 64 bits, the surfaces of a scene with so many colliders, and the numbers of faults: what needs no robot.
-pub fn surfaces(colliders: usize) -> String {
+pub fn surfaces(colliders: usize) -> Text {
     let sizes = format!("#define REAL double\n#define NC {colliders}\n#define LOST {LOST}\n#define GONE {GONE}\n");
-    sizes + KERNELS[0] + KERNELS[1]
+    Text(sizes + KERNELS[0] + KERNELS[1])
 }
 
 /// The text for one robot: the kernel `advance`.
 pub fn program(system: &System, config: &ArticulatedConfig, real: Real, reach: Reach) -> String {
-    functions(system, config, real, reach) + ALONE
+    functions(system, config, real, reach).0 + ALONE
 }
 
 /// The same without a kernel: what one is made of.
-pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach: Reach) -> String {
-    let robot = &system.robot;
-    let mut text = String::new();
-    let bounds = Bounds::new(system);
-    let mut define = |name: &str, value: String| {
-        let _ = writeln!(text, "#define {name} {value}");
-    };
-    let count = |n: usize| n.to_string();
-    define("REAL", if real == Real::F64 { "double" } else { "float" }.into());
-    let sizes = [("NL", robot.links.len()), ("NV", robot.nv()), ("NQ", robot.nq()), ("NJ", robot.joint_count())];
-    let more = [("DOFS", robot.root_dofs()), ("COORDS", robot.root_coords()), ("NP", robot.contact_points.len()), ("NC", reach.colliders)];
-    sizes.into_iter().chain(more).for_each(|(name, n)| define(name, count(n)));
-    define("UNROLLED", flag(walks(robot) <= WALKS && !along(robot)));
-    define("PRESSED", count(robot.joints().map(|j| usize::from(j.friction > 0.0) + 2 * usize::from(j.limit.is_some())).sum()));
-    define("SUBSTEPS", count(config.substeps));
-    define("CONTACT_SUBSTEPS", count(config.contact_substeps));
-    define("RK4", flag(config.integrator == Integrator::Rk4));
-    define("IMPLICIT", flag(config.contact_step == ContactStep::Implicit));
-    define("RENEW", flag(config.refresh == Refresh::Substep));
-    define("HUBER", flag(config.friction == Friction::Huber));
-    define("HELD", flag(system.held()));
-    define("ALONG", flag(deep(system)));
-    define("HALVINGS", count(HALVINGS));
-    let watched = config.contact_step == ContactStep::Implicit && system.stand_ins.is_empty() && system.folds.is_empty();
-    define("WATCHED", flag(watched));
-    define("FINEST", count(FINEST));
-    define("DRIVEN", flag(reach.driven));
-    define("LOCI", flag(robot.contact_points.iter().any(|p| p.locus != Locus::Fixed)));
-    define("FOLDS", count(system.folds.pairs.len()));
-    define("PASSES", count(PASSES));
+pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach: Reach) -> Text {
+    let (robot, bounds, mut text) = (&system.robot, Bounds::new(system), Text::default());
+    let implicit = config.contact_step == ContactStep::Implicit;
+    text.define([("REAL", if real == Real::F64 { "double" } else { "float" })]);
+    text.define([
+        ("NL", robot.links.len()),
+        ("NV", robot.nv()),
+        ("NQ", robot.nq()),
+        ("NJ", robot.joint_count()),
+        ("DOFS", robot.root_dofs()),
+        ("COORDS", robot.root_coords()),
+        ("NP", robot.contact_points.len()),
+        ("NC", reach.colliders),
+        ("PRESSED", robot.joints().map(|j| usize::from(j.friction > 0.0) + 2 * usize::from(j.limit.is_some())).sum()),
+        ("SUBSTEPS", config.substeps),
+        ("CONTACT_SUBSTEPS", config.contact_substeps),
+        ("HALVINGS", HALVINGS),
+        ("FINEST", FINEST),
+        ("FOLDS", system.folds.pairs.len()),
+        ("PASSES", PASSES),
+        ("POWERS", POWERS),
+    ]);
+    let flags = [
+        ("UNROLLED", walks(robot) <= WALKS && !along(robot)),
+        ("RK4", config.integrator == Integrator::Rk4),
+        ("IMPLICIT", implicit),
+        ("RENEW", config.refresh == Refresh::Substep),
+        ("HUBER", config.friction == Friction::Huber),
+        ("HELD", system.held()),
+        ("ALONG", deep(system)),
+        ("WATCHED", implicit && system.stand_ins.is_empty() && system.folds.is_empty()),
+        ("DRIVEN", reach.driven),
+        ("LOCI", robot.contact_points.iter().any(|p| p.locus != Locus::Fixed)),
+    ];
+    text.define(flags.map(|(name, on)| (name, i32::from(on))));
     let constants = [("SETTLED", SETTLED), ("CREEP", CREEP), ("MOST_EULER", MOST), ("MOST_RK4", MOST_RK4), ("MOST_DRAG", MOST_DRAG)];
-    let more =
-        [("CALM", CALM), ("OFF", OFF), ("FAR_OFF", FAR_OFF), ("STIFFEST", FOLLOWED[0]), ("FOLLOWED", FOLLOWED[1]), ("BARREL", BARREL)];
+    let more = [("CALM", CALM), ("OFF", OFF), ("FAR_OFF", FAR_OFF), ("STIFFEST", FOLLOWED[0]), ("FOLLOWED", FOLLOWED[1])];
     let energy = [("EVEN", EVEN), ("SHARE", SHARE), ("LABOUR", LABOUR), ("FALL", FALL), ("WHIRL", WHIRL), ("WHIRL_RK4", WHIRL_RK4)];
-    constants.into_iter().chain(more).chain(energy).for_each(|(name, x)| define(name, format!("((real){})", number(x))));
-    define("POWERS", count(POWERS));
-    define("LOST", LOST.to_string());
-    define("GONE", GONE.to_string());
-    define("FINER", FINER.to_string());
-    define("FRAME", format!("{:e}", system.frame_time));
-    define("DAMPED", format!("((real){})", number(bounds.damped)));
-    text.push_str(KERNELS[0]);
+    let own = [("BARREL", BARREL), ("DAMPED", bounds.damped)];
+    let reals = constants.into_iter().chain(more).chain(energy).chain(own);
+    text.define(reals.map(|(name, x)| (name, format!("((real){})", number(x)))));
+    text.define([("LOST", LOST), ("GONE", GONE), ("FINER", FINER)]);
+    text.define([("FRAME", format!("{:e}", system.frame_time))]);
+    text.0 += KERNELS[0];
     links(&mut text, system);
     joints(&mut text, robot, &bounds);
     points(&mut text, robot);
     folds(&mut text, system, &bounds);
-    KERNELS[1..].iter().for_each(|part| text.push_str(part));
+    text.0 += &KERNELS[1..].concat();
     text
 }
 
@@ -152,117 +170,87 @@ fn walks(robot: &Robot) -> usize {
     depths.iter().map(|d| d * d).sum()
 }
 
-fn links(text: &mut String, system: &System) {
+fn links(text: &mut Text, system: &System) {
     let robot = &system.robot;
-    let (dofs, first) = (robot.dofs(), robot.root_dofs());
-    let of = |f: &dyn Fn(usize) -> i64| -> Vec<i64> { (0..robot.links.len()).map(f).collect() };
+    let (dofs, first, count) = (robot.dofs(), robot.root_dofs(), robot.links.len());
     let joint = |i: usize| robot.links[i].joint.as_ref();
-    let parents = of(&|i| robot.links[i].parent.map_or(-1, |p| p as i64));
-    whole(text, "PARENT", parents);
-    whole(text, "DOF", of(&|i| dofs[i] as i64));
-    whole(text, "JOINT", of(&|i| dofs[i].saturating_sub(first) as i64));
-    whole(text, "SLIDES", of(&|i| i64::from(joint(i).is_some_and(|j| j.kind == JointKind::Prismatic))));
-    whole(text, "MASS_OF", of(&|i| system.stand_ins.get(i).map_or(i as i64, |o| *o as i64)));
-    whole(text, "ABOVE", Factor::new(robot).above().map(|p| p.map_or(-1, |p| p as i64)).collect());
-    let numbers = |f: &dyn Fn(usize) -> Vec<f64>| -> Vec<f64> { (0..robot.links.len()).flat_map(f).collect() };
-    real_table(text, "RATIO", numbers(&|i| vec![joint(i).map_or(1.0, |j| j.ratio())]));
-    real_table(text, "OFFSET", numbers(&|i| vec![joint(i).and_then(|j| j.mimic()).map_or(0.0, |m| m.offset)]));
-    real_table(text, "ARMATURE", numbers(&|i| vec![joint(i).map_or(0.0, |j| j.ratio().powi(2) * j.armature)]));
-    real_table(text, "PLACE", numbers(&|i| joint(i).map_or(vec![0.0; 3], |j| j.origin().translation.vector.as_slice().to_vec())));
-    real_table(text, "AXIS", numbers(&|i| joint(i).map_or(vec![0.0; 3], |j| j.axis().as_slice().to_vec())));
-    let rows = |m: &nalgebra::Matrix3<f64>| m.transpose().as_slice().to_vec();
-    real_table(text, "TURN", numbers(&|i| joint(i).map_or(vec![0.0; 27], |j| j.turn().iter().flat_map(rows).collect())));
-    real_table(text, "MASS", numbers(&|i| vec![robot.links[i].inertia.mass]));
-    real_table(text, "COM", numbers(&|i| robot.links[i].inertia.com.as_slice().to_vec()));
-    real_table(text, "BODY", numbers(&|i| rows(&robot.links[i].inertia.inertia)));
+    let mut whole = |name: &str, f: &dyn Fn(usize) -> f64| text.table("int", name, (0..count).map(f));
+    whole("PARENT", &|i| robot.links[i].parent.map_or(-1.0, |p| p as f64));
+    whole("DOF", &|i| dofs[i] as f64);
+    whole("JOINT", &|i| dofs[i].saturating_sub(first) as f64);
+    whole("SLIDES", &|i| f64::from(joint(i).is_some_and(|j| j.kind == JointKind::Prismatic)));
+    whole("MASS_OF", &|i| system.stand_ins.get(i).map_or(i, |o| *o) as f64);
+    text.table("int", "ABOVE", Factor::new(robot).above().map(|p| p.map_or(-1.0, |p| p as f64)));
+    let mut reals = |name: &str, f: &dyn Fn(usize) -> Vec<f64>| text.table("real", name, (0..count).flat_map(f));
+    let rows = |m: &Matrix3<f64>| m.transpose().as_slice().to_vec();
+    reals("RATIO", &|i| vec![joint(i).map_or(1.0, |j| j.ratio())]);
+    reals("OFFSET", &|i| vec![joint(i).and_then(|j| j.mimic()).map_or(0.0, |m| m.offset)]);
+    reals("ARMATURE", &|i| vec![joint(i).map_or(0.0, |j| j.ratio().powi(2) * j.armature)]);
+    reals("PLACE", &|i| joint(i).map_or(vec![0.0; 3], |j| j.origin().translation.vector.as_slice().to_vec()));
+    reals("AXIS", &|i| joint(i).map_or(vec![0.0; 3], |j| j.axis().as_slice().to_vec()));
+    reals("TURN", &|i| joint(i).map_or(vec![0.0; 27], |j| j.turn().iter().flat_map(rows).collect()));
+    reals("MASS", &|i| vec![robot.links[i].inertia.mass]);
+    reals("COM", &|i| robot.links[i].inertia.com.as_slice().to_vec());
+    reals("BODY", &|i| rows(&robot.links[i].inertia.inertia));
     let (turned, place) = match robot.base {
-        Base::Fixed(pose) => (rows(&pose.rotation.to_rotation_matrix().into_inner()), pose.translation.vector.as_slice().to_vec()),
-        Base::Floating => (vec![0.0; 9], vec![0.0; 3]),
+        Base::Fixed(pose) => (rows(&pose.rotation.to_rotation_matrix().into_inner()), pose.translation.vector),
+        Base::Floating => (vec![0.0; 9], Vector3::zeros()),
     };
-    real_table(text, "BASE", turned);
-    table(text, "double", "STAND", place.iter().map(|x| number(*x)));
+    text.table("real", "BASE", turned);
+    text.table("double", "STAND", place.iter().copied());
 }
 
-fn joints(text: &mut String, robot: &Robot, bounds: &Bounds) {
-    real_table(text, "DAMPING", robot.joints().map(|j| j.damping).collect());
-    real_table(text, "SPRING", robot.joints().map(|j| j.stiffness).collect());
-    real_table(text, "SLACK", robot.joints().map(|j| j.rest).collect());
-    real_table(text, "DRY", robot.joints().map(|j| j.friction).collect());
-    real_table(text, "TOP", robot.joints().map(|j| j.velocity).collect());
-    real_table(
-        text,
-        "LIMIT",
-        robot.joints().flat_map(|j| j.limit.map_or([0.0; 4], |l| [l.lower, l.upper, l.stiffness, l.damping])).collect(),
-    );
-    whole(text, "LIMITED", robot.joints().map(|j| i64::from(j.limit.is_some())).collect());
-    whole(text, "WRAPS", robot.joints().map(|j| i64::from(j.wraps())).collect());
-    real_table(text, "LEAST", bounds.least.clone());
-    real_table(text, "EASE", bounds.ease.clone());
+fn joints(text: &mut Text, robot: &Robot, bounds: &Bounds) {
+    let mut reals = |name: &str, f: fn(&Joint) -> f64| text.table("real", name, robot.joints().map(f));
+    reals("DAMPING", |j| j.damping);
+    reals("SPRING", |j| j.stiffness);
+    reals("SLACK", |j| j.rest);
+    reals("DRY", |j| j.friction);
+    reals("TOP", |j| j.velocity);
+    let limit = |j: &Joint| j.limit.map_or([0.0; 4], |l| [l.lower, l.upper, l.stiffness, l.damping]);
+    text.table("real", "LIMIT", robot.joints().flat_map(limit));
+    text.table("int", "LIMITED", robot.joints().map(|j| f64::from(j.limit.is_some())));
+    text.table("int", "WRAPS", robot.joints().map(|j| f64::from(j.wraps())));
+    text.table("real", "LEAST", bounds.least.iter().copied());
+    text.table("real", "EASE", bounds.ease.iter().copied());
 }
 
-fn points(text: &mut String, robot: &Robot) {
+fn points(text: &mut Text, robot: &Robot) {
     let points = &robot.contact_points;
-    whole(text, "POINT_LINK", points.iter().map(|p| p.link as i64).collect());
-    real_table(text, "POINT", points.iter().flat_map(|p| p.local.as_slice().to_vec()).collect());
-    real_table(text, "RADIUS", points.iter().map(|p| p.radius).collect());
-    real_table(text, "REACH", points.iter().map(|p| p.reach()).collect());
+    text.table("int", "POINT_LINK", points.iter().map(|p| p.link as f64));
+    text.table("real", "POINT", points.iter().flat_map(|p| [p.local.x, p.local.y, p.local.z]));
+    text.table("real", "RADIUS", points.iter().map(|p| p.radius));
+    text.table("real", "REACH", points.iter().map(|p| p.reach()));
     let (mut kinds, mut rims, mut hulls, mut all) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for point in points {
-        let (mut kind, mut rim, first) = (0, [0.0; 6], all.len() / 3);
+        let (mut kind, mut rim, first) = (0.0, [0.0; 6], all.len() / 3);
         match &point.locus {
             Locus::Fixed => {}
-            Locus::Rim { axis, radius, turn } => (kind, rim) = (1, [axis.x, axis.y, axis.z, *radius, turn.sin(), turn.cos()]),
+            Locus::Rim { axis, radius, turn } => (kind, rim) = (1.0, [axis.x, axis.y, axis.z, *radius, turn.sin(), turn.cos()]),
             Locus::Hull { vertices, .. } => {
-                kind = 2;
-                all.extend(vertices.iter().flat_map(|v| v.as_slice().to_vec()));
+                kind = 2.0;
+                all.extend(vertices.iter().flat_map(|v| [v.x, v.y, v.z]));
             }
         }
         kinds.push(kind);
         rims.extend(rim);
-        hulls.extend([first as i64, (all.len() / 3) as i64]);
+        hulls.extend([first as f64, (all.len() / 3) as f64]);
     }
-    whole(text, "LOCUS", kinds);
-    real_table(text, "RIM", rims);
-    whole(text, "HULL", hulls);
-    real_table(text, "VERTEX", all);
+    text.table("int", "LOCUS", kinds);
+    text.table("real", "RIM", rims);
+    text.table("int", "HULL", hulls);
+    text.table("real", "VERTEX", all);
 }
 
-pub(super) fn whole(text: &mut String, name: &str, numbers: Vec<i64>) {
-    table(text, "int", name, numbers.into_iter().map(|n| n.to_string()));
-}
-
-fn real_table(text: &mut String, name: &str, numbers: Vec<f64>) {
-    table(text, "real", name, numbers.into_iter().map(|x| format!("(real){}", number(x))));
-}
-
-/// A switch.
-pub(super) fn flag(on: bool) -> String {
-    i32::from(on).to_string()
-}
-
-fn folds(text: &mut String, system: &System, bounds: &Bounds) {
+fn folds(text: &mut Text, system: &System, bounds: &Bounds) {
     let (folds, m) = (&system.folds, &system.spec.material);
-    whole(text, "FOLD_LINKS", folds.pairs.iter().flatten().map(|link| *link as i64).collect());
-    whole(text, "FOLD_OWN", folds.own.iter().flat_map(|own| [own.start as i64, own.end as i64]).collect());
-    real_table(text, "FOLD_EASE", bounds.folds.clone());
-    real_table(text, "FOLD_BALL", folds.balls.iter().flat_map(|(c, reach)| [c.x, c.y, c.z, *reach]).collect());
+    text.table("int", "FOLD_LINKS", folds.pairs.iter().flatten().map(|link| *link as f64));
+    text.table("int", "FOLD_OWN", folds.own.iter().flat_map(|own| [own.start as f64, own.end as f64]));
+    text.table("real", "FOLD_EASE", bounds.folds.iter().copied());
+    text.table("real", "FOLD_BALL", folds.balls.iter().flat_map(|(c, reach)| [c.x, c.y, c.z, *reach]));
     let numbers = |c: &Capsule| [c.middle.as_slice(), c.half.as_slice(), &[c.radius]].concat();
-    real_table(text, "CAPSULE", folds.capsules.iter().flat_map(numbers).collect());
-    real_table(text, "FOLD_MATERIAL", vec![m.stiffness, m.damping, m.friction_damping, m.friction]);
-}
-
-/// What is infinite is more than any number of a frame, and fits into an f32.
-pub(super) fn number(x: f64) -> String {
-    format!("{:e}", x.clamp(-1e38, 1e38))
-}
-
-/// An array with at least one entry, since none may have none.
-pub(super) fn table(text: &mut String, kind: &str, name: &str, entries: impl Iterator<Item = String>) {
-    let mut entries: Vec<String> = entries.collect();
-    if entries.is_empty() {
-        entries.push("0".into());
-    }
-    let _ = writeln!(text, "TABLE {kind} {name}[] = {{{}}};", entries.join(", "));
+    text.table("real", "CAPSULE", folds.capsules.iter().flat_map(numbers));
+    text.table("real", "FOLD_MATERIAL", [m.stiffness, m.damping, m.friction_damping, m.friction]);
 }
 
 /// A scene's record: gravity, then its colliders, each with its kind, geometry and the material that it makes with the robot.

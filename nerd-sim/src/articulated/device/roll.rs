@@ -1,29 +1,17 @@
 //! Frames of a batch that stays on a device, for any solver there.
 
-use std::sync::Arc;
-
-use nalgebra::Vector3;
 use nerd_cuda::{Device, DeviceError};
 
-use super::motion::Motion;
 use super::program::{Reach, fault};
-use super::rows::Rows;
-use super::scenes::take;
-use crate::batch::Batch;
+use super::{motion::Motion, rows::Rows, scenes::take};
+use crate::prelude::*;
 use crate::solver::device::{Back, Held, Resident, Trail, acting, failed};
-use crate::solver::{Capabilities, Fault, Slopes, Solver, StepError, finish, sound};
-use crate::system::System;
+use crate::solver::{Fault, Slopes, finish, sound};
 
 impl<M: Motion> Resident for OnDevice<M> {
     fn hold(&mut self, batch: &Batch) -> Result<(), StepError> {
         let torques = vec![0.0; batch.len() * batch.system.robot.joint_count()];
-        sound(batch, &torques, &mut self.faults)?;
-        if !self.faults.is_empty() {
-            return Err(StepError::Environments(std::mem::take(&mut self.faults)));
-        }
-        self.motion.capabilities().admit(batch)?;
-        self.motion.check(batch)?;
-        self.prepare(batch)?;
+        self.take_all(batch, &torques)?;
         let Some((Made { held, reach, .. }, device)) = self.made.as_mut().zip(self.motion.device()) else { return Ok(()) };
         take(held, device, batch, self.motion.config(), *reach, (&torques, 0))?;
         device.write(&held.faults, &vec![0; held.n]).map_err(failed)?;
@@ -56,19 +44,13 @@ impl<M: Motion> Resident for OnDevice<M> {
     }
 }
 
-/// A [`Solver`] that makes many frames in a row, as [`OnDevice::roll`].
+/// A [`Solver`] that makes many frames in a row.
 pub trait Roll: Solver {
-    /// See [`OnDevice::roll`].
+    /// So many frames in a row without leaving the device. `torques` are `[env][joint]`, held over all of them, or `[frame][env][joint]`.
     ///
     /// # Errors
-    /// As that.
+    /// As [`Solver::step`]. An environment that fails keeps its state before that frame, which the error names.
     fn roll(&mut self, batch: &mut Batch, torques: &[f64], frames: usize) -> Result<(), StepError>;
-}
-
-impl<M: Motion> Roll for OnDevice<M> {
-    fn roll(&mut self, batch: &mut Batch, torques: &[f64], frames: usize) -> Result<(), StepError> {
-        OnDevice::roll(self, batch, torques, frames)
-    }
 }
 
 /// A [`Solver`] whose batch is on a device.
@@ -93,11 +75,38 @@ impl<M: Motion> OnDevice<M> {
         Self { motion, made: None, next: Vec::new(), faults: Vec::new() }
     }
 
-    /// So many frames in a row without leaving the device. `torques` are `[env][joint]`, held over all of them, or `[frame][env][joint]`.
-    ///
-    /// # Errors
-    /// As [`Solver::step`]. An environment that fails keeps its state before that frame, which the error names.
-    pub fn roll(&mut self, batch: &mut Batch, torques: &[f64], frames: usize) -> Result<(), StepError> {
+    /// Prepares for a batch of which every environment is sound.
+    fn take_all(&mut self, batch: &Batch, torques: &[f64]) -> Result<(), StepError> {
+        sound(batch, torques, &mut self.faults)?;
+        if !self.faults.is_empty() {
+            return Err(StepError::Environments(std::mem::take(&mut self.faults)));
+        }
+        self.motion.capabilities().admit(batch)?;
+        self.motion.check(batch)?;
+        self.prepare(batch)
+    }
+
+    /// Kernels and memory that fit the batch.
+    fn prepare(&mut self, batch: &Batch) -> Result<(), StepError> {
+        let asked = Reach::of(batch);
+        let fits = |m: &Made| {
+            let enough = m.reach.colliders >= asked.colliders && m.reach.driven == asked.driven;
+            enough && m.held.n == batch.len() && Arc::ptr_eq(&m.system, &batch.system)
+        };
+        if self.made.as_ref().is_some_and(fits) {
+            return Ok(());
+        }
+        self.made = None;
+        self.motion.open(batch, asked)?;
+        let Some(device) = self.motion.device() else { return Ok(()) };
+        let held = Held::new(device, batch).map_err(failed)?;
+        self.made = Some(Made { system: batch.system.clone(), reach: asked, held, rows: None });
+        Ok(())
+    }
+}
+
+impl<M: Motion> Roll for OnDevice<M> {
+    fn roll(&mut self, batch: &mut Batch, torques: &[f64], frames: usize) -> Result<(), StepError> {
         let (n, joints) = (batch.len(), batch.system.robot.joint_count());
         let width = n * joints;
         let hold = torques.len() == width;
@@ -142,24 +151,6 @@ impl<M: Motion> OnDevice<M> {
         }
         finish(batch, &mut self.next, &mut self.faults)
     }
-
-    /// Kernels and memory that fit the batch.
-    fn prepare(&mut self, batch: &Batch) -> Result<(), StepError> {
-        let asked = Reach::of(batch);
-        let fits = |m: &Made| {
-            let enough = m.reach.colliders >= asked.colliders && m.reach.driven == asked.driven;
-            enough && m.held.n == batch.len() && Arc::ptr_eq(&m.system, &batch.system)
-        };
-        if self.made.as_ref().is_some_and(fits) {
-            return Ok(());
-        }
-        self.made = None;
-        self.motion.open(batch, asked)?;
-        let Some(device) = self.motion.device() else { return Ok(()) };
-        let held = Held::new(device, batch).map_err(failed)?;
-        self.made = Some(Made { system: batch.system.clone(), reach: asked, held, rows: None });
-        Ok(())
-    }
 }
 
 impl<M: Motion> Solver for OnDevice<M> {
@@ -173,13 +164,7 @@ impl<M: Motion> Solver for OnDevice<M> {
         if wide == 0 || by_next.len() != wide {
             return Err(StepError::Solver(format!("{} numbers of gradients, {wide} are needed, and some", by_next.len())));
         }
-        sound(batch, torques, &mut self.faults)?;
-        if !self.faults.is_empty() {
-            return Err(StepError::Environments(std::mem::take(&mut self.faults)));
-        }
-        self.motion.capabilities().admit(batch)?;
-        self.motion.check(batch)?;
-        self.prepare(batch)?;
+        self.take_all(batch, torques)?;
         self.motion.keep(batch, 1)?;
         let Some((Made { held, reach, rows: memory, .. }, device)) = self.made.as_mut().zip(self.motion.device()) else {
             return Ok(Slopes::default());

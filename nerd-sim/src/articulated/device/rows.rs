@@ -2,11 +2,10 @@
 
 use nerd_cuda::{Buffer, Device, DeviceError, Replay};
 
-use super::motion::Motion;
-use super::program::fault;
-use crate::batch::Batch;
+use super::{motion::Motion, program::fault};
+use crate::prelude::*;
 use crate::solver::device::{Back, Held, Trail, failed};
-use crate::solver::{Fault, Slopes, StepError};
+use crate::solver::{Fault, Slopes};
 
 /// Memory for so many gradients of each environment.
 pub(super) struct Rows {
@@ -54,7 +53,7 @@ impl Rows {
                 motion.back(held, trail, back)
             })?;
             let [next, states, torques] = [&self.next, &self.states, &self.torques].map(|of| device.download(of));
-            Ok((Slopes { next: next?, states: states?, torques: torques? }, device.download(&self.faults)?))
+            Ok((Slopes { next: next?, states: states?, torques: torques?, ..Slopes::default() }, device.download(&self.faults)?))
         };
         let (out, faults) = go().map_err(failed)?;
         let finite = |x: &[f64], env: usize| x[env * x.len() / held.n..(env + 1) * x.len() / held.n].iter().all(|x| x.is_finite());

@@ -1,14 +1,9 @@
 //! A batch's states, torques, drives and scenes, laid out for a device.
 
-use std::sync::Arc;
-
 use nerd_cuda::Device;
 
 use super::program::{Reach, packed, record};
-use crate::articulated::config::ArticulatedConfig;
-use crate::batch::Batch;
-use crate::scene::Scene;
-use crate::solver::StepError;
+use crate::prelude::*;
 use crate::solver::device::{Held, failed};
 
 /// Takes over a batch and its torques, of which so many columns act.

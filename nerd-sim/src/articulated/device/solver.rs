@@ -7,10 +7,8 @@ use super::back::{back_program, goes_back};
 use super::motion::{BLOCK, Motion};
 use super::program::{Reach, Real, program};
 use super::roll::OnDevice;
-use crate::articulated::config::ArticulatedConfig;
-use crate::batch::Batch;
+use crate::prelude::*;
 use crate::solver::device::{Back, Held, Trail, failed};
-use crate::solver::{Capabilities, StepError};
 
 /// [`super::super::Articulated`] on a GPU, one thread an environment: the same frame, the same settings, any robot.
 ///

@@ -68,4 +68,3 @@ FN real distance(const Surface& s, V3 p, V3& normal, V3& nearest) {
     normal = length > (real)1e-12 ? gap * (sign / length) : v3(0, 0, 0);
     return sign * length;
 }
-

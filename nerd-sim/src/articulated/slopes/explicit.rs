@@ -4,7 +4,7 @@ use nalgebra::Quaternion;
 
 use super::super::kept::Flown;
 use super::super::memory::{Flight, Memory};
-use super::numbers::Layout;
+use super::numbers::{DAMPING, GRAVITY};
 use super::row::{Row, set};
 use crate::prelude::*;
 
@@ -56,13 +56,13 @@ impl Row {
         adjoint.begin(robot, data, virtuals, qdd, &mut self.loads);
         self.inertias(robot, data, adjoint);
         let by_base = adjoint.end(robot, data, (virtuals, qd, qdd), &mut self.loads, &mut self.speed);
-        self.numbers.add(Layout::gravity, (-by_base).into());
+        self.numbers.add(GRAVITY, 0, (-by_base).into());
         self.unload(robot, data);
         for (i, joint) in robot.joints().enumerate() {
             let own = virtuals[dofs + i];
             self.torque[i] += own;
             self.speed[dofs + i] -= joint.damping * own;
-            self.numbers.add(|at| at.joint(i, 0), [-qd[dofs + i] * own, 0.0, -qdd[dofs + i] * own]);
+            self.numbers.add(DAMPING, i, [-qd[dofs + i] * own, 0.0, -qdd[dofs + i] * own]);
             if let Some(limit) = joint.limit.filter(|l| l.force(q[coords + i], qd[dofs + i]) != 0.0) {
                 self.pose[dofs + i] -= limit.stiffness * own;
                 self.speed[dofs + i] -= limit.damping * own;
@@ -74,20 +74,7 @@ impl Row {
             by_stage[3..7].iter_mut().zip(spun.coords.iter()).for_each(|(b, s)| *b += s);
         }
     }
-}
 
-/// The four numbers `x y z w` of a quaternion of any size.
-fn numbers(x: &[f64]) -> Quaternion<f64> {
-    Quaternion::new(x[3], x[0], x[1], x[2])
-}
-
-/// The gradient by a quaternion's numbers, of any size, from that by the turn (fixed axes) that they make: `t = 2 Im(dQ Q*) / |Q|^2`.
-fn turned_back(q: &[f64], by_turn: &Vector3<f64>) -> Quaternion<f64> {
-    let q = numbers(q);
-    Quaternion::from_imag(*by_turn) * q * (2.0 / q.norm_squared())
-}
-
-impl Row {
     /// Writes its gradients by the numbers of a state `[q, qd]`, whose quaternion may be of any size.
     fn numbers(&self, robot: &Robot, state: &[f64], out: &mut [f64]) {
         let (dofs, coords, nq) = (robot.root_dofs(), robot.root_coords(), robot.nq());
@@ -109,4 +96,15 @@ impl Row {
             set(&mut self.pose, [turn, vector(by)]);
         }
     }
+}
+
+/// The four numbers `x y z w` of a quaternion of any size.
+fn numbers(x: &[f64]) -> Quaternion<f64> {
+    Quaternion::new(x[3], x[0], x[1], x[2])
+}
+
+/// The gradient by a quaternion's numbers, of any size, from that by the turn (fixed axes) that they make: `t = 2 Im(dQ Q*) / |Q|^2`.
+fn turned_back(q: &[f64], by_turn: &Vector3<f64>) -> Quaternion<f64> {
+    let q = numbers(q);
+    Quaternion::from_imag(*by_turn) * q * (2.0 / q.norm_squared())
 }

@@ -1,11 +1,8 @@
 //! Slopes of what touches do in a substep, by what they see: the laws of `touch.rs`, line by line.
 
-use nalgebra::{Matrix3, Vector3};
-
-use super::super::config::Friction;
 use super::super::force::Drag;
 use super::super::touch::{CREEP, Contact, DryFriction, EVEN, Spring, inside};
-use crate::scene::Material;
+use crate::prelude::*;
 
 /// What a touch's law is asked at, beside itself.
 #[derive(Clone, Copy)]
@@ -98,9 +95,9 @@ impl ContactLaw {
         let by_friction = by_drag_then * then.by_friction - slip * drag.by_friction;
         let by_material = [by_k * part, if vn_then < 0.0 { by_d * part } else { Vector3::zeros() }, by_drag * part, by_friction];
         let by_part = by_k * material.stiffness + by_d * damping + by_drag * material.friction_damping;
-        if let Some(inside) = part_slopes(contact.middle, half) {
-            by_vn += (by_gap * inside.gap_by_half + by_part * inside.part_by_half) * (0.5 * h * half.signum());
-            by_gap = by_gap * inside.gap_by_middle + by_part * inside.part_by_middle;
+        if let Some([by_middle, by_half]) = part_slopes(contact.middle, half) {
+            by_vn += (by_gap * -0.5 + by_part * by_half) * (0.5 * h * half.signum());
+            by_gap = by_gap * 0.5 + by_part * by_middle;
         }
         let mut by_velocity = by_start + by_vn * n.transpose();
         // A normal turns what lies along it and across.
@@ -118,23 +115,11 @@ impl ContactLaw {
     }
 }
 
-/// Slopes of `touch::inside`, by the gap in the middle and by the size of what it changes by in half a substep.
-struct Inside {
-    part_by_middle: f64,
-    part_by_half: f64,
-    gap_by_middle: f64,
-    gap_by_half: f64,
-}
-
-/// None of what is inside all the time: then the gap is that of the middle.
-fn part_slopes(middle: f64, half: f64) -> Option<Inside> {
+/// Slopes of the part in `touch::inside`, by the gap in the middle and by the size of what it changes by in half a substep; those of the gap are a
+/// half, and minus that. None of what is inside all the time: then the gap is that of the middle.
+fn part_slopes(middle: f64, half: f64) -> Option<[f64; 2]> {
     let half = half.abs();
-    (middle + half > 0.0).then(|| Inside {
-        part_by_middle: -0.5 / half,
-        part_by_half: 0.5 * middle / (half * half),
-        gap_by_middle: 0.5,
-        gap_by_half: -0.5,
-    })
+    (middle + half > 0.0).then(|| [-0.5 / half, 0.5 * middle / (half * half)])
 }
 
 /// Slopes of what acts at one joint, of its torque: by `h qdd`, by its coordinate and rate, by its w.
@@ -167,10 +152,10 @@ impl JointLaw {
             }
         }
         let half = 0.5 * h * spring.rate;
-        if let Some(([stiffness, damping], inside)) = whole.zip(part_slopes(spring.middle, half)) {
+        if let Some(([stiffness, damping], [by_middle, by_half])) = whole.zip(part_slopes(spring.middle, half)) {
             let by_part = by_k * stiffness + by_d * damping;
-            by_rate += (by_gap * inside.gap_by_half + by_part * inside.part_by_half) * 0.5 * h * half.signum();
-            by_gap = by_gap * inside.gap_by_middle + by_part * inside.part_by_middle;
+            by_rate += (by_gap * -0.5 + by_part * by_half) * 0.5 * h * half.signum();
+            by_gap = by_gap * 0.5 + by_part * by_middle;
         }
         Self { by_change: -(k * ahead * h + d * damper), by_gap, by_rate, by_weight: spring.side * by_weight, by_most: 0.0 }
     }

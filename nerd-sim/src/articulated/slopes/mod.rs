@@ -9,17 +9,14 @@ mod stage;
 mod weigh;
 
 use nerd_core::dynamics::{crba, motions, motions_back};
-
 use numbers::Numbers;
 pub use numbers::numbers;
 use row::Row;
 use stage::Place;
 
-use super::config::Settings;
-use super::kept::Step;
-use super::memory::Memory;
-use super::workspace::Workspace;
+use super::{config::Settings, kept::Step, memory::Memory, workspace::Workspace};
 use crate::prelude::*;
+use crate::solver::Slopes;
 use crate::solver::parallel::{Back, Frame};
 
 /// Refuses what has no slopes.
@@ -47,20 +44,19 @@ impl Back for Workspace {
         system: &System,
         scene: &Scene,
         settings: &Settings,
-        state: &mut [f64],
+        state: &[f64],
         tau: &[f64],
         by_next: &[f64],
         numbers: bool,
-    ) -> Result<[Vec<f64>; 3], String> {
-        let robot = &system.robot;
-        let start = state.to_vec();
+    ) -> Result<Slopes, String> {
+        let (robot, mut next) = (&system.robot, state.to_vec());
         let mut memory = self.back.take().unwrap_or_else(|| Box::new(Memory::new(robot)));
         self.kept = Some(std::mem::take(&mut memory.kept));
-        let stepped = self.step(system, scene, settings, state, tau);
+        let stepped = self.step(system, scene, settings, &mut next, tau);
         let kept = self.kept.take().unwrap_or_default();
         stepped?;
         let place = Place { system, scene, friction: settings.config.friction };
-        let begin = |by_next| Row::begin(robot, state, by_next, self.touches.weights.len(), Numbers::new(robot, scene, numbers));
+        let begin = |by_next| Row::begin(robot, &next, by_next, self.touches.weights.len(), Numbers::new(robot, scene, numbers));
         let mut rows: Vec<Row> = by_next.chunks_exact(2 * robot.nv()).map(begin).collect();
         if kept.flights().is_empty() {
             self.back_implicit(place, &kept.steps, &mut rows, &mut memory);
@@ -69,11 +65,11 @@ impl Back for Workspace {
         }
         memory.kept = kept;
         self.back = Some(memory);
-        let mut out: [Vec<f64>; 3] = Default::default();
+        let mut out = Slopes { next, ..Slopes::default() };
         for row in rows {
-            out[0].extend(row.end(robot, &start));
-            out[1].extend(row.torque);
-            out[2].extend(row.numbers.values);
+            out.states.extend(row.end(robot, state));
+            out.torques.extend(row.torque);
+            out.numbers.extend(row.numbers.values);
         }
         Ok(out)
     }

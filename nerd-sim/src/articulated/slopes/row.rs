@@ -88,7 +88,7 @@ impl Row {
         };
         for (i, link) in robot.links.iter().enumerate().filter(|(_, link)| link.joint.is_some()) {
             let above = link.parent.map_or(&base, |p| &data.rotation[p]);
-            self.numbers.add(|at| at.link(i, ORIGIN), above.tr_mul(&self.loads[i].lin).into());
+            self.numbers.add(ORIGIN, i, above.tr_mul(&self.loads[i].lin).into());
         }
     }
 

@@ -3,14 +3,12 @@
 use nalgebra::DVector;
 use nerd_core::dynamics::{Adjoint, bias, motions};
 
-use super::super::find::above;
 use super::super::kept::{Stage, Step};
-use super::super::memory::Memory;
 use super::super::touch::{Contact, Touch};
-use super::super::workspace::Workspace;
 use super::law::{At, ContactLaw, JointLaw};
-use super::numbers::{ARMATURE, FRICTION, Layout, NORMAL, OFFSET};
+use super::numbers::{ARMATURE, FRICTION, GRAVITY, MATERIAL, NORMAL, OFFSET};
 use super::row::{Row, set};
+use super::{super::find::above, super::memory::Memory, super::workspace::Workspace};
 use crate::prelude::*;
 
 /// What acts in a stage.
@@ -79,7 +77,7 @@ impl Workspace {
                 row.speed[dofs + i] -= step.braked[i] * own;
                 row.braked[i] -= step.qd[dofs + i] * own;
                 row.shares[i] -= qdd[dofs + i] * own;
-                row.numbers.add(|at| at.joint(i, ARMATURE), [-qdd[dofs + i] * own]);
+                row.numbers.add(ARMATURE, i, [-qdd[dofs + i] * own]);
             }
             for law in &laws {
                 match law {
@@ -91,12 +89,12 @@ impl Workspace {
                         row.pose[dofs + joint] += law.by_gap * own;
                         row.speed[dofs + joint] += law.by_rate * own;
                         weight.iter().for_each(|weight| row.weights[*weight] += law.by_weight * own);
-                        row.numbers.add(|at| at.joint(*joint, FRICTION), [law.by_most * own]);
+                        row.numbers.add(FRICTION, *joint, [law.by_most * own]);
                     }
                 }
             }
             let by_base = adjoint.end(robot, data, (virtuals, &stage.middle, &qdd), &mut row.loads, by_middle);
-            row.numbers.add(Layout::gravity, (-by_base).into());
+            row.numbers.add(GRAVITY, 0, (-by_base).into());
             if robot.floating() {
                 let [w, v, by_w, by_v] = [&stage.middle, &stage.middle[3..], by_middle, &by_middle[3..]].map(vector);
                 set(by_middle, [by_w + v.cross(&by_turn), by_v + by_turn.cross(&w)]);
@@ -172,11 +170,11 @@ fn press_back(
     row.loads[i] += Wrench::force_at(by_middle, &middle);
     if row.numbers.asked() {
         let collider = contact.index % place.scene.colliders.len();
-        row.numbers.add(|at| at.collider(collider, 0), law.by_material.map(|by| by.dot(&by_force)));
-        row.numbers.add(Layout::gravity, by_bend.into());
+        row.numbers.add(MATERIAL, collider, law.by_material.map(|by| by.dot(&by_force)));
+        row.numbers.add(GRAVITY, 0, by_bend.into());
         let by_normal = law.by_normal.tr_mul(&by_force) + (middle + data.origin) * by_gap - (by_place - n * by_gap) * radius;
-        row.numbers.add(|at| at.collider(collider, NORMAL), by_normal.into());
-        row.numbers.add(|at| at.collider(collider, OFFSET), [-by_gap]);
+        row.numbers.add(NORMAL, collider, by_normal.into());
+        row.numbers.add(OFFSET, collider, [-by_gap]);
         row.numbers.point(&place.system.robot, contact.point, data.rotation[i].tr_mul(&by_middle), -n.dot(&by_place));
     }
     along - by_bend

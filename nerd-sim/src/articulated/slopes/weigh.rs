@@ -2,14 +2,9 @@
 
 use nerd_core::dynamics::onto;
 
-use super::super::implicit::Damped;
-use super::super::kept::Step;
-use super::super::memory::Memory;
 use super::super::touch::{Contact, Touch};
-use super::super::workspace::Workspace;
 use super::numbers::{ARMATURE, DAMPING, NORMAL};
-use super::row::Row;
-use super::stage::Place;
+use super::{super::implicit::Damped, super::kept::Step, super::memory::Memory, super::workspace::Workspace, row::Row, stage::Place};
 use crate::prelude::*;
 
 /// What is pushed to find a weight.
@@ -58,7 +53,7 @@ impl Workspace {
             }
             let [_, (by_braked, by_share)] = Damped::slopes(joint, h, w);
             for row in rows.iter_mut() {
-                row.numbers.add(|at| at.joint(i, DAMPING), [by_braked * row.braked[i] + by_share * row.shares[i]]);
+                row.numbers.add(DAMPING, i, [by_braked * row.braked[i] + by_share * row.shares[i]]);
                 (row.braked[i], row.shares[i]) = (0.0, 0.0);
             }
         }
@@ -92,7 +87,7 @@ impl Workspace {
             if row.numbers.asked() {
                 let collider = contact.index % colliders;
                 let by_normal = adjoint.virtuals[i].at(&contact.x) * (2.0 * by) - by_place * radius;
-                row.numbers.add(|at| at.collider(collider, NORMAL), by_normal.into());
+                row.numbers.add(NORMAL, collider, by_normal.into());
                 row.numbers.point(robot, contact.point, self.data.rotation[i].tr_mul(&by_place), -contact.normal.dot(&by_place));
             }
         }
@@ -100,7 +95,7 @@ impl Workspace {
             row.numbers.inertia(robot, &self.data, i, -by, [&adjoint.virtuals[i]; 2]);
         }
         for (i, z) in eased[robot.root_dofs()..].iter().enumerate() {
-            row.numbers.add(|at| at.joint(i, ARMATURE), [-by * z * z]);
+            row.numbers.add(ARMATURE, i, [-by * z * z]);
         }
         adjoint.end_energy(robot, &self.data, eased, &mut row.loads);
     }
