@@ -2,12 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use nerd_lab::choice::Choice;
 use nerd_lab::experiments::calibrated::{CalibratedAll, Calibration};
-use nerd_lab::experiments::chart::Chart;
-use nerd_lab::experiments::games::games;
-use nerd_lab::experiments::gradients::Gradients;
-use nerd_lab::experiments::judges::Judges;
 use nerd_lab::experiments::motions::{MotionErrors, Motions, Row as MotionRow};
 use nerd_lab::experiments::passive::{Case, Passive, Protocol, Row, Rows, unworthy};
 use nerd_lab::experiments::plans::Plans;
@@ -15,9 +10,8 @@ use nerd_lab::experiments::race::Race;
 use nerd_lab::experiments::{Experiment, conduct};
 use nerd_lab::report::manifest::{Entry as Made, Manifest};
 use nerd_lab::report::{Artifact, write_json};
-use nerd_model::base::Base;
-use nerd_model::pick::Setting;
-use nerd_model::transformer::Storage;
+use nerd_lab::{choice::Choice, experiments::chart::Chart, experiments::games::games, experiments::judges::Judges};
+use nerd_model::{base::Base, pick::Setting, transformer::Storage};
 use nerd_sim::prelude::*;
 use nerd_tasks::named;
 use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport};

@@ -4,8 +4,7 @@ use std::marker::PhantomData;
 
 use anyhow::{Error, Result};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use clap::parser::ValueSource;
-use clap::{Arg, ArgAction, ArgMatches, Command};
+use clap::{Arg, ArgAction, ArgMatches, Command, parser::ValueSource};
 use nerd_train::settings::{Given, Key, Settings, Values};
 use serde::de::DeserializeOwned;
 use serde_json::Value;

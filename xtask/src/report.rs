@@ -3,8 +3,7 @@
 use nerd_lab::page::{MOTIONS, page};
 use nerd_train::progress::bar;
 
-use crate::options::FRAMES;
-use crate::prelude::*;
+use crate::{options::FRAMES, prelude::*};
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct ReportArgs {

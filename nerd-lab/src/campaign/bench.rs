@@ -1,7 +1,6 @@
 //! Good files that cases are made from: robots, states, models, a data set, a policy; and what is like them, and is not.
 
-use std::path::Path;
-use std::process::Command;
+use std::{path::Path, process::Command};
 
 use anyhow::{Result, ensure};
 use nerd_sim::prelude::*;

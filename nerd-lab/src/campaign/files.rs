@@ -1,4 +1,4 @@
-//! Files of cases, and whether those that the program wrote are whole.
+//! Files of cases: good ones that they are made from, what is like these and is not, and whether those that the program wrote are whole.
 
 use safetensors::tensor::{Dtype, SafeTensors};
 use tempfile::TempDir;

@@ -23,8 +23,8 @@ mod round;
 
 use nerd_train::records::claimed;
 
-pub use gaps::{Gap, Round};
 pub use plan::CoTrainConfig;
+pub use round::{Gap, Round};
 
 use plan::Plan;
 

@@ -1,4 +1,4 @@
-//! One round: its model, its policies, its gaps.
+//! One round: its model, its policies, and what these earn in it and in the truth.
 
 use nerd_train::ppo::PolicyRun;
 use nerd_train::run::{Run, RunConfig};

@@ -1,9 +1,7 @@
 //! Judges in which nothing was trained: every policy in its truth, at twice the substeps, in rapier, at the reference simulator's preset
 //! and in MuJoCo. A policy that exploits one simulator's fault earns only there.
 
-use nerd_train::Error;
-use nerd_train::ppo::folder;
-use nerd_train::shipped::from_root;
+use nerd_train::{Error, ppo::folder, shipped::from_root};
 
 use super::games::{Reward, games, truth_of};
 use super::policies::{Policies, short};

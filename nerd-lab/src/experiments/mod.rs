@@ -18,9 +18,8 @@ pub mod stability;
 
 use serde_json::{Map, Value};
 
-use crate::prelude::*;
-use crate::report::Provenance;
 use crate::report::artifact::{Artifact, may_write};
+use crate::{prelude::*, report::Provenance};
 
 pub use registry::{Entry, REGISTRY};
 

@@ -7,8 +7,7 @@ use image::codecs::gif::{GifEncoder, Repeat};
 use image::{Delay, Frame, GenericImageView};
 use serde_json::json;
 
-use crate::error;
-use crate::prelude::*;
+use crate::{error, prelude::*};
 use nerd_train::replay::{self, Replay};
 
 const PAGE: &str = include_str!("film.html");

@@ -8,8 +8,7 @@ mod sections;
 
 use nerd_train::progress::Bar;
 
-use crate::prelude::*;
-use crate::report::Manifest;
+use crate::{prelude::*, report::Manifest};
 use motions::Cause;
 use nerd_train::replay::{self, Replay};
 

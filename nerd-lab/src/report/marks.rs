@@ -9,8 +9,7 @@
 
 use serde_json::Value;
 
-use super::artifact::Artifact;
-use super::below;
+use super::{artifact::Artifact, below};
 use crate::prelude::*;
 use nerd_train::words::{digits, pair};
 

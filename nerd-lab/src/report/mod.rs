@@ -10,8 +10,7 @@ mod table;
 
 use std::io;
 
-use crate::error;
-use crate::prelude::*;
+use crate::{error, prelude::*};
 
 pub use artifact::Artifact;
 pub use figure::{Axis, Figure, Mark, Panel, Series, Style, unbeaten};

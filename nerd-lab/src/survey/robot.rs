@@ -1,10 +1,9 @@
-//! One file: what it holds, and whether that moves.
+//! Files that may be robots: what each holds, and whether that moves.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use super::file::{Found, reason, text};
-use crate::prelude::*;
-use crate::roll::rolled;
+use crate::{prelude::*, roll::rolled};
 
 pub(super) const FRAMES: usize = 10;
 /// Substeps of a frame: the accurate preset's, and where those are too coarse for a joint's damping that is stiff for what it

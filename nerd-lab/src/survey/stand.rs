@@ -1,8 +1,7 @@
 //! Whether a robot stands, hangs or falls, in a line: a while of simulation from its default pose, which an SRDF beside it may name, each
 //! joint held by a drive ([`nerd_sim::drive::holding`]), and the same without.
 
-use nerd_sim::drive::holding;
-use nerd_sim::scene::foot;
+use nerd_sim::{drive::holding, scene::foot};
 
 use super::each;
 use super::file::{Found, reason};

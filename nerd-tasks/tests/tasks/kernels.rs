@@ -1,8 +1,7 @@
 //! The kernels of tasks against the tasks themselves, without a device: their text is compiled as C++ and run on the CPU.
 
 use nerd_sim::articulated::device::{Reach, record};
-use nerd_sim::prelude::*;
-use nerd_sim::solver::Fault;
+use nerd_sim::{prelude::*, solver::Fault};
 use nerd_tasks::formula::{Formulas, Number, Sight, written};
 use nerd_tasks::{About, Episodes, StepResult, named, names};
 

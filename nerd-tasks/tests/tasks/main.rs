@@ -10,8 +10,7 @@ mod rewards;
 mod slopes;
 mod steps;
 
-use nerd_sim::prelude::*;
-use nerd_sim::system::Source;
+use nerd_sim::{prelude::*, system::Source};
 use nerd_tasks::{Episodes, named};
 
 fn solver(which: &str, system: &System) -> Box<dyn Solver> {

@@ -1,6 +1,6 @@
 //! Planners: what they reach, that each environment is planned for alone, and what the solver that looks ahead remembers.
 
-use std::sync::{Arc, Mutex};
+use std::sync::Mutex;
 
 use nerd_sim::prelude::*;
 use nerd_sim::solver::{Fault, Slopes, commit};

@@ -6,8 +6,7 @@ use nerd_sim::prelude::*;
 use nerd_tasks::formula::{Formulas, Number, Sight};
 use nerd_tasks::{About, Task, View, Work, named, names};
 
-use crate::cpp::Compiler;
-use crate::{actions, episodes};
+use crate::{actions, cpp::Compiler, episodes};
 
 const N: usize = 12;
 

@@ -1,12 +1,9 @@
 //! Options for the simulator that a policy acts in.
 
 use nerd_tasks::named;
-use nerd_train::ppo::Arena;
-use nerd_train::shipped;
+use nerd_train::{ppo::Arena, shipped};
 
-use crate::options::MODELS;
-use crate::prelude::*;
-use crate::solvers::SolverName;
+use crate::{options::MODELS, prelude::*, solvers::SolverName};
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct ArenaArgs {

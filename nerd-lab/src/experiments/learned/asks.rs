@@ -1,7 +1,6 @@
 //! The rows of a learned model, and their measurement.
 
-use nerd_sim::dataset::Drive;
-use nerd_sim::suite::Row;
+use nerd_sim::{dataset::Drive, suite::Row};
 
 use crate::prelude::*;
 use crate::roll::{begun, idle, rolled};

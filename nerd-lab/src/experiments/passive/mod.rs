@@ -12,9 +12,7 @@ mod worth;
 use nerd_sim::instruments::Shaken;
 use nerd_train::verdict::{Verdict, verdict};
 
-use crate::choice::Choice;
-use crate::paper;
-use crate::prelude::*;
+use crate::{choice::Choice, paper, prelude::*};
 
 pub use recorded::Recorded;
 pub use rows::{Row, Rows};

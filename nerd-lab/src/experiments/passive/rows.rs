@@ -1,4 +1,4 @@
-//! Results of passive motion, and their tables.
+//! Results of passive motion, their tables, and whether the models that ship have earned their places ([`Verdict`]).
 
 use nerd_train::evaluate::{quantities, summary, summary_names};
 use nerd_train::verdict::Verdict;

@@ -4,8 +4,7 @@
 use nerd_train::ppo::{PolicyRun, folder};
 
 use super::Policies;
-use crate::paper::policy_reward;
-use crate::prelude::*;
+use crate::{paper::policy_reward, prelude::*};
 
 impl Policies {
     fn plan(&self) -> Result<Vec<PolicyRun>> {

@@ -1,8 +1,7 @@
 //! Policies in the truth and in the learned simulator, after the paper's protocol: games under mean actions from the same starts in each,
 //! beside the paper's figures.
 
-use nerd_train::ppo::folder;
-use nerd_train::shipped::from_root;
+use nerd_train::{ppo::folder, shipped::from_root};
 use rayon::prelude::*;
 
 use super::games::{Compared, games, truth_of};

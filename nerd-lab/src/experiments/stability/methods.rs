@@ -1,7 +1,6 @@
 //! The columns of the stability map.
 
-use nerd_sim::prelude::*;
-use nerd_sim::suite::Method;
+use nerd_sim::{prelude::*, suite::Method};
 
 /// Presets and substeps of [`Articulated`], and two settings of rapier.
 pub fn known() -> Vec<Method> {
