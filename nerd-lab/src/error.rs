@@ -2,12 +2,7 @@
 
 use crate::prelude::*;
 
-/// Of reading or writing it.
-pub fn file(path: &Path) -> impl Fn(std::io::Error) -> Error + '_ {
-    format(path)
-}
-
-/// Of what it holds.
-pub fn format<E: std::fmt::Display>(path: &Path) -> impl Fn(E) -> Error + '_ {
+/// Of reading or writing it, or of what it holds.
+pub fn file<E: std::fmt::Display>(path: &Path) -> impl Fn(E) -> Error + '_ {
     move |reason| Error::msg(format!("{}: {reason}", path.display()))
 }

@@ -10,7 +10,7 @@ use nerd_lab::experiments::race::Race;
 use nerd_lab::experiments::{Experiment, conduct};
 use nerd_lab::report::manifest::{Entry as Made, Manifest};
 use nerd_lab::report::{Artifact, write_json};
-use nerd_lab::{choice::Choice, experiments::chart::Chart, experiments::games::games, experiments::judges::Judges};
+use nerd_lab::{choice::Choice, experiments::chart::Chart, experiments::games::games, experiments::gradients::Gradients, experiments::judges::Judges};
 use nerd_model::{base::Base, pick::Setting, transformer::Storage};
 use nerd_sim::prelude::*;
 use nerd_tasks::named;

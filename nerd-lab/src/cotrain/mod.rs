@@ -17,7 +17,6 @@
 //! OUT/rounds.md                                           all rounds in a table
 //! ```
 
-mod gaps;
 mod plan;
 mod round;
 

@@ -39,7 +39,7 @@ impl Marks {
         if !self.read.contains_key(name) {
             let head = Artifact::read(&self.folder, name)?;
             let path = self.folder.join(name);
-            let whole = serde_json::to_value(&head).map_err(error::format(&path))?;
+            let whole = serde_json::to_value(&head).map_err(error::file(&path))?;
             self.read.insert(name.into(), (head, whole));
         }
         Ok(&self.read[name])

@@ -4,7 +4,7 @@
 use nerd_sim::{drive::holding, scene::foot};
 
 use super::each;
-use super::file::{Found, reason};
+use super::robot::{Found, reason};
 use crate::prelude::*;
 
 /// Seconds that each robot of a folder stands.

@@ -7,7 +7,6 @@
 
 mod recorded;
 mod rows;
-mod worth;
 
 use nerd_sim::instruments::Shaken;
 use nerd_train::verdict::{Verdict, verdict};
@@ -15,8 +14,7 @@ use nerd_train::verdict::{Verdict, verdict};
 use crate::{choice::Choice, paper, prelude::*};
 
 pub use recorded::Recorded;
-pub use rows::{Row, Rows};
-pub use worth::unworthy;
+pub use rows::{Row, Rows, unworthy};
 
 settings! {
     /// How passive motion is measured.
