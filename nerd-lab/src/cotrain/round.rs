@@ -6,14 +6,19 @@ use nerd_train::run::{Run, RunConfig};
 use super::plan::Plan;
 use crate::experiments::games::{Compared, games, policy_of};
 use crate::prelude::*;
-use crate::report::{read_json, write_json};
+use crate::report::{read_json_of, write_json};
 
 /// Between the seeds of the data of two rounds: further than runs move theirs to validate.
 const DATA: u64 = 10_000;
 
 impl Plan {
-    pub(super) fn folder(&self, k: usize) -> PathBuf {
+    fn folder(&self, k: usize) -> PathBuf {
         self.out.join(format!("round-{k}"))
+    }
+
+    /// All gaps of a round that is done.
+    pub(super) fn done(&self, k: usize) -> PathBuf {
+        self.folder(k).join("gaps.json")
     }
 
     pub(super) fn model_of(&self, k: usize) -> PathBuf {
@@ -47,7 +52,7 @@ impl Plan {
             gaps.push(Gap::of(&run, self.truth, self.config.games)?);
         }
         let round = Round { round: k, model: ModelConfig::read(&self.model_of(k))?.model_sha256, gaps };
-        round.write(&self.folder(k))?;
+        write_json(&self.done(k), &round)?;
         Ok(Some(round))
     }
 
@@ -119,8 +124,8 @@ impl Gap {
         Ok(found)
     }
 
-    pub(super) fn read(run: &Path) -> Result<Option<Self>> {
-        get(&run.join("gap.json"))
+    fn read(run: &Path) -> Result<Option<Self>> {
+        read_json_of(&run.join("gap.json"))
     }
 
     /// Size of the gap; infinite where there is none to speak of.
@@ -135,16 +140,4 @@ impl Round {
         let sizes: Vec<f64> = self.gaps.iter().filter(|gap| gap.task == task).map(Gap::size).collect();
         [sizes.iter().sum::<f64>() / sizes.len() as f64, sizes.iter().copied().fold(0.0, f64::max)]
     }
-
-    pub(super) fn read(folder: &Path) -> Result<Option<Self>> {
-        get(&folder.join("gaps.json"))
-    }
-
-    pub(super) fn write(&self, folder: &Path) -> Result<()> {
-        write_json(&folder.join("gaps.json"), self)
-    }
-}
-
-fn get<T: DeserializeOwned>(path: &Path) -> Result<Option<T>> {
-    path.exists().then(|| read_json(path)).transpose()
 }
