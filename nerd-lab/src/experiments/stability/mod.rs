@@ -3,12 +3,7 @@
 mod methods;
 
 #[cfg(feature = "cuda")]
-use std::sync::Arc;
-
-#[cfg(feature = "cuda")]
 use nerd_sim::articulated::device::{CudaArticulated, Real};
-#[cfg(feature = "cuda")]
-use nerd_sim::prelude::{ArticulatedConfig, Friction, Solver};
 use nerd_sim::suite::{Cell, Line, Method, Suite, Verdict};
 
 use crate::prelude::*;
