@@ -29,14 +29,6 @@ pub fn word<T: DeserializeOwned + Clone + Send + Sync + 'static>(words: &'static
     PossibleValuesParser::new(words).try_map(|word| serde_json::from_value::<T>(word.into()))
 }
 
-/// Refuses the first of `options`, names and whether they were given, that was given without effect.
-pub fn unused(options: &[(&str, bool)], when: &str) -> Result<()> {
-    match options.iter().find(|(_, given)| *given) {
-        Some((option, _)) => Err(Error::msg(format!("{option} means nothing {when}"))),
-        None => Ok(()),
-    }
-}
-
 /// Options for keys.
 pub fn arguments(keys: Vec<&'static Key>, defaults: &Given) -> Vec<Arg> {
     let option = |key: &'static Key| {

@@ -5,7 +5,7 @@ use nerd_tasks::{Episodes, named};
 use nerd_train::ppo::{Actor, Algorithm, Engine, Policy, PpoConfig, Running, RunningMoments, Shac, StreamKey, folder};
 use rayon::prelude::*;
 
-use super::games::{arena_of, input_of, policy_of, truth_of};
+use super::games::{arena_of, depend, input_of, policy_of};
 use crate::prelude::*;
 
 /// Horizons (steps).
@@ -149,8 +149,7 @@ fn mean_of(gradients: &[Vec<f64>]) -> Vec<f64> {
 impl Experiment for Gradients {
     fn about(&self) -> Result<About> {
         let mut inputs = Inputs::default();
-        inputs.add(Input::robot(&*System::named(named(&self.task)?.robot())?));
-        inputs.add(truth_of(&self.task, Truth::Articulated)?);
+        depend(&mut inputs, &self.task, Truth::Articulated)?;
         inputs.add(Input::policy(&self.folder()?)?);
         let policy = self.policy()?;
         // Actions of every step, and a gradient of every environment, twice.

@@ -3,7 +3,7 @@
 
 use nerd_train::{Error, ppo::folder, shipped::from_root};
 
-use super::games::{Reward, games, truth_of};
+use super::games::{Reward, depend, games};
 use super::policies::{Policies, short};
 use crate::prelude::*;
 
@@ -60,9 +60,7 @@ impl Experiment for Judges {
     fn about(&self) -> Result<About> {
         let (folders, mut inputs) = (self.folders()?, Inputs::default());
         for path in &folders {
-            let task = folder::load(path)?.0.task;
-            inputs.add(Input::robot(&*System::named(nerd_tasks::named(&task)?.robot())?));
-            inputs.add(truth_of(&task, Truth::Articulated)?);
+            depend(&mut inputs, &folder::load(path)?.0.task, Truth::Articulated)?;
             inputs.add(Input::policy(path)?);
         }
         Ok(About { name: "judges".into(), seed: self.seed, effort: (self.games * folders.len()) as f64, inputs })

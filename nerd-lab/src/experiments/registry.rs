@@ -33,11 +33,7 @@ pub static REGISTRY: [Entry; 7] = [
 ];
 
 const fn entry<T: Settings + Experiment + 'static>(name: &'static str, about: &'static str) -> Entry {
-    Entry { name, about, keys: T::keys, make: |given| Ok(Box::new(settings::<T>(given)?)) }
-}
-
-fn settings<T: Settings>(given: &Given) -> Result<T> {
-    T::default().with(given).map_err(anyhow::Error::msg)
+    Entry { name, about, keys: T::keys, make: |given| Ok(Box::new(T::default().with(given).map_err(anyhow::Error::msg)?)) }
 }
 
 impl Entry {

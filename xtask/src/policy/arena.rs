@@ -21,26 +21,20 @@ pub struct ArenaArgs {
 impl ArenaArgs {
     /// The arena of a task; options of the learned solver are refused for another one.
     pub fn of(self, task: &str) -> Result<Arena> {
-        if self.solver != SolverName::Neural {
-            unused(&[("--model", self.model.is_some())], "without --solver neural")?;
-        }
-        if let Some(device) = self.device.filter(|device| device.is_cuda()) {
-            match self.solver {
-                SolverName::Articulated => return on_card(),
-                SolverName::Rapier => bail!("--device {device}: rapier is on the CPU; leave it out, or take --solver articulated"),
-                SolverName::Neural => {}
-            }
-        }
-        let truth = match self.solver {
-            SolverName::Articulated => Truth::Articulated,
-            SolverName::Rapier => Truth::Rapier,
+        let device = self.device.unwrap_or_default();
+        unused(&[("--model", self.model.is_some() && self.solver != SolverName::Neural)], "without --solver neural")?;
+        match self.solver {
             SolverName::Neural => {
                 let robot = named(task)?.robot();
-                let folder = self.model.unwrap_or_else(|| shipped::model_of_task(task, robot));
-                return Ok(Arena::Model { folder, device: self.device.unwrap_or_default() });
+                Ok(Arena::Model { folder: self.model.unwrap_or_else(|| shipped::model_of_task(task, robot)), device })
             }
-        };
-        Ok(Arena::Truth(truth))
+            SolverName::Articulated if device.is_cuda() => on_card(),
+            SolverName::Rapier if device.is_cuda() => {
+                bail!("--device {device}: rapier is on the CPU; leave it out, or take --solver articulated")
+            }
+            SolverName::Articulated => Ok(Arena::Truth(Truth::Articulated)),
+            SolverName::Rapier => Ok(Arena::Truth(Truth::Rapier)),
+        }
     }
 }
 

@@ -11,6 +11,7 @@ use super::super::games::{Reward, arena_of};
 use super::settings::{AT, Race};
 use crate::error;
 use crate::prelude::*;
+use crate::report::{read_json_of, write_json};
 
 /// What is to be run.
 #[derive(Clone)]
