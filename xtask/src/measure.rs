@@ -53,7 +53,7 @@ pub fn run(args: MeasureArgs) -> Result<()> {
 
 /// The experiments, and what may be set.
 fn list() -> Result<()> {
-    for entry in &REGISTRY {
+    for entry in REGISTRY {
         say!("{}: {}", entry.name, entry.about);
         let rows = (entry.keys)().into_iter().map(|key| vec![key.name(), key.help().to_string()]);
         table(&Table::new(entry.name, &["setting", "what it means"]).with(rows));

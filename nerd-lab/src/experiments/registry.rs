@@ -13,7 +13,7 @@ pub struct Entry {
     make: fn(&Given) -> Result<Box<dyn Experiment>>,
 }
 
-pub static REGISTRY: [Entry; 7] = [
+pub static REGISTRY: &[Entry] = &[
     entry::<super::benchmark::Benchmark>("benchmark", "Solvers on graphics cards (needs --features cuda)"),
     entry::<super::gradients::Gradients>(
         "gradients",
@@ -40,7 +40,7 @@ impl Entry {
     pub fn named(name: &str) -> Result<&'static Self> {
         match REGISTRY.iter().find(|entry| entry.name == name) {
             Some(entry) => Ok(entry),
-            None => bail!("no experiment `{name}`: choose from {}", REGISTRY.each_ref().map(|entry| entry.name).join(", ")),
+            None => bail!("no experiment `{name}`: choose from {}", REGISTRY.iter().map(|entry| entry.name).collect::<Vec<_>>().join(", ")),
         }
     }
 

@@ -59,17 +59,14 @@ impl Rows {
     pub fn verdicts(&self) -> Option<Table> {
         let verdicts: Vec<&Verdict> = self.rows.iter().filter_map(|r| r.verdict.as_ref()).collect();
         let first = verdicts.first()?;
+        let alike = |same: &dyn Fn(&Verdict) -> bool| verdicts.iter().all(|v| same(v));
         let place = |v: &Verdict| format!("{}, {}", v.robot, v.scene);
         let cells = verdicts.iter().flat_map(|v| v.cells().into_iter().map(|cells| [vec![place(v)], cells].concat()));
         let lines: Vec<String> = verdicts.iter().map(|v| format!("* {}: {}.", place(v), v.line())).collect();
         let note = format!(
             "Error: {}, from {} starts; time and error are of the same steps on one core.\n\n{}",
-            if verdicts.iter().all(|v| v.quantities == first.quantities) { first.quantities.join(" / ") } else { "as above".into() },
-            match verdicts.iter().map(|v| v.protocol.starts).collect::<std::collections::BTreeSet<_>>().into_iter().collect::<Vec<_>>()[..]
-            {
-                [starts] => format!("the first {starts}"),
-                _ => "the first".into(),
-            },
+            if alike(&|v| v.quantities == first.quantities) { first.quantities.join(" / ") } else { "as above".into() },
+            if alike(&|v| v.protocol.starts == first.protocol.starts) { format!("the first {}", first.protocol.starts) } else { "the first".into() },
             lines.join("\n")
         );
         Some(Table::new("verdict", &[&["robot, scene"], &Verdict::HEADER[..]].concat()).with(cells).noted(&note))
