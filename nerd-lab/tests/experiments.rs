@@ -10,7 +10,7 @@ use nerd_lab::experiments::race::Race;
 use nerd_lab::experiments::{Experiment, conduct};
 use nerd_lab::report::manifest::{Entry as Made, Manifest};
 use nerd_lab::report::{Artifact, write_json};
-use nerd_lab::{choice::Choice, experiments::chart::Chart, experiments::games::games, experiments::gradients::Gradients, experiments::judges::Judges};
+use nerd_lab::{choice::Choice, experiments::chart::Chart, experiments::games::games, experiments::judges::Judges};
 use nerd_model::{base::Base, pick::Setting, transformer::Storage};
 use nerd_sim::prelude::*;
 use nerd_tasks::named;
@@ -304,20 +304,4 @@ fn a_run_against_the_clock_is_made_once_and_another_one_is_refused() {
     assert!(refusal(race.measure()).contains("take another --set runs"));
     race.entrant = vec!["sac-neural".into()];
     assert!(refusal(race.measure()).contains("--set entrant=sac-neural"));
-}
-
-#[test]
-fn gradients_through_the_truth_are_its_own() {
-    let (task, through) = ("cartpole-swingup".into(), ["truth", "x1"].map(String::from).into());
-    let mut gradients = Gradients::default();
-    (gradients.task, gradients.through, gradients.environments, gradients.before) = (task, through, 6, 3);
-    let measured = gradients.measure().expect("measured");
-    let rows = measured.data["rows"].as_array().expect("rows");
-    let number = |row: &serde_json::Value, key: &str| row[key].as_f64().expect(key);
-    for pair in rows.chunks_exact(2) {
-        let (own, other) = (number(&pair[0], "cosine"), number(&pair[1], "cosine"));
-        println!("horizon {}: the truth's cosine {own}, of one substep {other}", pair[0]["horizon"]);
-        assert!((own - 1.0).abs() < 1e-9 && (0.9..1.0 + 1e-9).contains(&other), "cosines {own} and {other}");
-        assert!(number(&pair[0], "deviation") > 0.0 && number(&pair[0], "largest") < 1.0);
-    }
 }

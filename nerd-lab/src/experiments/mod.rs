@@ -5,7 +5,6 @@ pub mod benchmark;
 pub mod calibrated;
 pub mod chart;
 pub mod games;
-pub mod gradients;
 pub mod judges;
 pub mod learned;
 pub mod motions;

@@ -15,10 +15,6 @@ pub struct Entry {
 
 pub static REGISTRY: &[Entry] = &[
     entry::<super::benchmark::Benchmark>("benchmark", "Solvers on graphics cards (needs --features cuda)"),
-    entry::<super::gradients::Gradients>(
-        "gradients",
-        "How a policy's gradient varies with its horizon, through a model and through articulated",
-    ),
     entry::<super::judges::Judges>(
         "judges",
         "Policies in solvers that they never trained in: finer steps, rapier, the reference's preset, MuJoCo",
