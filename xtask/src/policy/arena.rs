@@ -1,7 +1,7 @@
 //! Options for the simulator that a policy acts in.
 
-use nerd_tasks::named;
-use nerd_train::{ppo::Arena, shipped};
+use nerd_lab::experiments::games::arena_of;
+use nerd_train::ppo::Arena;
 
 use crate::{options::MODELS, prelude::*, solvers::SolverName};
 
@@ -23,27 +23,14 @@ impl ArenaArgs {
     pub fn of(self, task: &str) -> Result<Arena> {
         let device = self.device.unwrap_or_default();
         unused(&[("--model", self.model.is_some() && self.solver != SolverName::Neural)], "without --solver neural")?;
-        match self.solver {
-            SolverName::Neural => {
-                let robot = named(task)?.robot();
-                Ok(Arena::Model { folder: self.model.unwrap_or_else(|| shipped::model_of_task(task, robot)), device })
-            }
-            SolverName::Articulated if device.is_cuda() => on_card(),
-            SolverName::Rapier if device.is_cuda() => {
+        match (self.solver, self.model) {
+            (SolverName::Neural, Some(folder)) => Ok(Arena::Model { folder, device }),
+            (SolverName::Neural, None) => arena_of(task, "neural", device),
+            (SolverName::Articulated, _) => arena_of(task, "truth", device),
+            (SolverName::Rapier, _) if device.is_cuda() => {
                 bail!("--device {device}: rapier is on the CPU; leave it out, or take --solver articulated")
             }
-            SolverName::Articulated => Ok(Arena::Truth(Truth::Articulated)),
-            SolverName::Rapier => Ok(Arena::Truth(Truth::Rapier)),
+            (SolverName::Rapier, _) => Ok(Arena::Truth(Truth::Rapier)),
         }
     }
-}
-
-#[cfg(feature = "cuda")]
-fn on_card() -> Result<Arena> {
-    Ok(Arena::Card(nerd_model::pick::Setting::Accurate))
-}
-
-#[cfg(not(feature = "cuda"))]
-fn on_card() -> Result<Arena> {
-    bail!("--device cuda needs a build with `--features cuda`")
 }
