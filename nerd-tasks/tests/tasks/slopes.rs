@@ -131,7 +131,8 @@ fn slopes_of_every_task_are_those_of_differences_and_of_kernels() {
         count += 1;
 
         let Some(compiler) = &compiler else { continue };
-        let text = task.kernels(&system, scene.colliders.len(), true).expect("kernels") + include_str!("given.cuh") + include_str!("back.cuh");
+        let text =
+            task.kernels(&system, scene.colliders.len(), true).expect("kernels") + include_str!("given.cuh") + include_str!("back.cuh");
         let column = |of: &dyn Fn(&Place) -> &Vec<f64>| places.iter().flat_map(|at| of(at).clone()).collect::<Vec<f64>>();
         let columns = [
             column(&|at| &at.state),

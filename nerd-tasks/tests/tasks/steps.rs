@@ -129,7 +129,8 @@ fn steps_are_gone_back_over_in_kernels_as_on_the_cpu() {
         let (x, scene) = (given(width, a, joints, frames), played.simulation.batch.scenes[0].clone());
         let (mut by_first, mut by_mean, mut by_spread) = on_cpu(&*task, &scene, &mut Work::new(&system), &trace, &x);
 
-        let text = task.kernels(&system, scene.colliders.len(), true).expect("kernels") + include_str!("given.cuh") + include_str!("steps.cuh");
+        let text =
+            task.kernels(&system, scene.colliders.len(), true).expect("kernels") + include_str!("given.cuh") + include_str!("steps.cuh");
         let numbers = recorded(&played.simulation.batch);
         let input =
             [&trace.states, &trace.goals, &trace.torques, &trace.reached, &x.seen, &x.rows, &x.mean, &x.inverse, &x.shares, &x.pushed];

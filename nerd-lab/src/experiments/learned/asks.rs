@@ -55,7 +55,14 @@ pub(super) static ASKS: [Ask; 11] = [
     held("torques x 2", "50 frames driven twice as hard.", |c, m| outside(c, m, 1.0, 2.0)),
     same("moved 100 km", "difference of 20 frames", PLACE, |c, m| moved(c, m, 1e5)),
     same("history", "after a reset, and after a gap, against fresh", "What it remembers must be of this motion.", history),
-    ask("energy in flight", ["change beyond the truth's in 100 frames", "of the largest kinetic"], "energy is the truth's", FLIGHT, 0.05, flight),
+    ask(
+        "energy in flight",
+        ["change beyond the truth's in 100 frames", "of the largest kinetic"],
+        "energy is the truth's",
+        FLIGHT,
+        0.05,
+        flight,
+    ),
 ];
 
 fn beside(case: &Case, maker: &Maker, steps: usize) -> Result<PassiveReport> {

@@ -66,7 +66,11 @@ impl Rows {
         let note = format!(
             "Error: {}, from {} starts; time and error are of the same steps on one core.\n\n{}",
             if alike(&|v| v.quantities == first.quantities) { first.quantities.join(" / ") } else { "as above".into() },
-            if alike(&|v| v.protocol.starts == first.protocol.starts) { format!("the first {}", first.protocol.starts) } else { "the first".into() },
+            if alike(&|v| v.protocol.starts == first.protocol.starts) {
+                format!("the first {}", first.protocol.starts)
+            } else {
+                "the first".into()
+            },
             lines.join("\n")
         );
         Some(Table::new("verdict", &[&["robot, scene"], &Verdict::HEADER[..]].concat()).with(cells).noted(&note))
