@@ -24,13 +24,11 @@ impl<T: Settings + Experiment + Clone + std::fmt::Debug + Send + Sync> Conduct<T
 
     /// Measures it; writes only where a folder is named.
     pub fn try_out(self) -> Result<()> {
-        match &self.out {
-            Some(_) => self.run(),
-            None => {
-                tables(&self.keys.settings()?.measure()?.tables);
-                Ok(())
-            }
+        if self.out.is_some() {
+            return self.run();
         }
+        tables(&self.keys.settings()?.measure()?.tables);
+        Ok(())
     }
 }
 
