@@ -1,9 +1,6 @@
 //! A solver by its description, as on the command line or in an experiment's settings; it is built once robot and scene are known.
 
-use nerd_model::base::Base;
-use nerd_model::form::View;
-use nerd_model::pick::pick;
-use nerd_model::transformer::Architecture;
+use nerd_model::{base::Base, form::View, pick::pick, transformer::Architecture};
 
 use crate::prelude::*;
 

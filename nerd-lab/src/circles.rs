@@ -53,22 +53,22 @@ pub fn of_workspace(root: &Path) -> Result<Vec<String>> {
 /// One line for each circle in the sources of a crate.
 fn of_crate(src: &Path) -> Result<Vec<String>> {
     let modules = read(src)?;
-    let (mut graph, mut behind) = (Graph::new(), BTreeMap::<_, BTreeSet<String>>::new());
+    let mut graph = Graph::new();
     for (id, module) in modules.iter().enumerate() {
         for (line, path) in &module.used {
             for target in resolve(&modules, id, path, 0) {
                 let Target::In(home) = target else { continue };
                 if modules[home].file != module.file {
                     let [from, to] = parted(&module.file, &modules[home].file);
-                    *graph.entry(from.clone()).or_default().entry(to.clone()).or_default() += 1;
-                    behind.entry((from, to)).or_default().insert(format!("{}:{line} {}", module.file.display(), path.join("::")));
+                    let used = format!("{}:{line} {}", module.file.display(), path.join("::"));
+                    graph.entry(from).or_default().entry(to).or_default().insert(used);
                 }
             }
         }
     }
     let line = |circle: Vec<String>| {
-        let (first, last) = (circle[0].clone(), circle[circle.len() - 1].clone());
-        let all = &behind[&(last, first.clone())];
+        let (first, last) = (&circle[0], &circle[circle.len() - 1]);
+        let all = &graph[last][first];
         let closing: Vec<&str> = all.iter().take(SHOWN).map(String::as_str).collect();
         let more = if all.len() > SHOWN { format!(" and {} more", all.len() - SHOWN) } else { String::new() };
         format!("{} -> {first}, closed by {}{more}", circle.join(" -> "), closing.join(", "))
@@ -233,15 +233,15 @@ fn parted(from: &Path, to: &Path) -> [String; 2] {
     [from, to].map(|path| path.iter().take(same + 1).collect::<PathBuf>().display().to_string())
 }
 
-/// Edges from a name to names, each with how many uses it has.
-type Graph = BTreeMap<String, BTreeMap<String, usize>>;
+/// Edges from a name to names, each with its uses.
+type Graph = BTreeMap<String, BTreeMap<String, BTreeSet<String>>>;
 
 /// The shortest circle through each name, once; its last step, back to its first name, is the one of fewest uses.
 fn circles(graph: &Graph) -> BTreeSet<Vec<String>> {
     let mut all = BTreeSet::new();
     for mut circle in graph.keys().filter_map(|name| shortest(graph, name)) {
         let n = circle.len();
-        let uses = |k: usize| (graph[&circle[k]][&circle[(k + 1) % n]], &circle[k]);
+        let uses = |k: usize| (graph[&circle[k]][&circle[(k + 1) % n]].len(), &circle[k]);
         let fewest = (0..n).min_by_key(|k| uses(*k)).unwrap_or(0);
         circle.rotate_left((fewest + 1) % n);
         all.insert(circle);

@@ -9,7 +9,7 @@ pub mod campaign;
 pub mod choice;
 pub mod circles;
 pub mod cotrain;
-mod error;
+pub mod error;
 pub mod experiments;
 pub mod inspect;
 pub mod mujoco;

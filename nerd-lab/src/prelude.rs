@@ -9,15 +9,10 @@ pub(crate) use nerd_model::folder::{Model, ModelConfig};
 pub(crate) use nerd_model::pick::Setting;
 pub(crate) use nerd_sim::prelude::*;
 pub(crate) use nerd_train::bounds::{self, FRAMES, SEEDS, STARTS, SUBSTEPS};
-pub(crate) use nerd_train::device::Device;
 pub(crate) use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport, passive};
-pub(crate) use nerd_train::ppo::Arena;
 pub(crate) use nerd_train::progress::{self, bar};
-pub(crate) use nerd_train::settings::settings;
-pub(crate) use nerd_train::shipped;
-pub(crate) use nerd_train::stats::mean;
-pub(crate) use serde::de::DeserializeOwned;
-pub(crate) use serde::{Deserialize, Serialize};
+pub(crate) use nerd_train::{device::Device, ppo::Arena, settings::settings, shipped, stats::mean};
+pub(crate) use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 pub(crate) use crate::experiments::{About, Experiment, Measured};
 pub(crate) use crate::report::{Axis, Figure, Input, Inputs, Panel, Series, Style, Table, digits, or_dash, pair, write};

@@ -5,8 +5,7 @@ use std::path::{Path, PathBuf};
 
 use nerd_lab::cotrain::{CoTrainConfig, End, co_train};
 use nerd_model::folder::ModelConfig;
-use nerd_train::run::Recipe;
-use nerd_train::settings::Given;
+use nerd_train::{run::Recipe, settings::Given};
 
 const RECIPE: &str = r#"
 robot = "cartpole"

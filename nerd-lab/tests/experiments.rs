@@ -2,12 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use nerd_lab::choice::Choice;
 use nerd_lab::experiments::calibrated::{CalibratedAll, Calibration};
-use nerd_lab::experiments::chart::Chart;
-use nerd_lab::experiments::games::games;
-use nerd_lab::experiments::gradients::Gradients;
-use nerd_lab::experiments::judges::Judges;
 use nerd_lab::experiments::motions::{MotionErrors, Motions, Row as MotionRow};
 use nerd_lab::experiments::passive::{Case, Passive, Protocol, Row, Rows, unworthy};
 use nerd_lab::experiments::plans::Plans;
@@ -15,9 +10,8 @@ use nerd_lab::experiments::race::Race;
 use nerd_lab::experiments::{Experiment, conduct};
 use nerd_lab::report::manifest::{Entry as Made, Manifest};
 use nerd_lab::report::{Artifact, write_json};
-use nerd_model::base::Base;
-use nerd_model::pick::Setting;
-use nerd_model::transformer::Storage;
+use nerd_lab::{choice::Choice, experiments::chart::Chart, experiments::games::games, experiments::judges::Judges};
+use nerd_model::{base::Base, pick::Setting, transformer::Storage};
 use nerd_sim::prelude::*;
 use nerd_tasks::named;
 use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport};
@@ -310,20 +304,4 @@ fn a_run_against_the_clock_is_made_once_and_another_one_is_refused() {
     assert!(refusal(race.measure()).contains("take another --set runs"));
     race.entrant = vec!["sac-neural".into()];
     assert!(refusal(race.measure()).contains("--set entrant=sac-neural"));
-}
-
-#[test]
-fn gradients_through_the_truth_are_its_own() {
-    let (task, through) = ("cartpole-swingup".into(), ["truth", "x1"].map(String::from).into());
-    let mut gradients = Gradients::default();
-    (gradients.task, gradients.through, gradients.environments, gradients.before) = (task, through, 6, 3);
-    let measured = gradients.measure().expect("measured");
-    let rows = measured.data["rows"].as_array().expect("rows");
-    let number = |row: &serde_json::Value, key: &str| row[key].as_f64().expect(key);
-    for pair in rows.chunks_exact(2) {
-        let (own, other) = (number(&pair[0], "cosine"), number(&pair[1], "cosine"));
-        println!("horizon {}: the truth's cosine {own}, of one substep {other}", pair[0]["horizon"]);
-        assert!((own - 1.0).abs() < 1e-9 && (0.9..1.0 + 1e-9).contains(&other), "cosines {own} and {other}");
-        assert!(number(&pair[0], "deviation") > 0.0 && number(&pair[0], "largest") < 1.0);
-    }
 }

@@ -4,8 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use nerd_lab::mujoco::{Mujoco, Referee, Scheme, from_mujoco, to_mujoco};
-use nerd_sim::mjcf::mjcf;
-use nerd_sim::prelude::*;
+use nerd_sim::{mjcf::mjcf, prelude::*};
 
 /// A robot and one of its scenes.
 fn place(robot: &str, scene: &str) -> (Arc<System>, Arc<Scene>) {

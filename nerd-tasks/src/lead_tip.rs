@@ -20,8 +20,7 @@
 //! last, each with its velocity, from the gripper (48). Never over; truncated after 100 steps of 3 frames of 1/60 s.
 
 use nalgebra::Vector2;
-use nerd_core::dynamics::velocities;
-use nerd_core::velocity::root_position;
+use nerd_core::{dynamics::velocities, velocity::root_position};
 use nerd_sim::prelude::*;
 use rand_chacha::ChaCha8Rng;
 

@@ -1,7 +1,6 @@
 //! The trait of tasks: observation, action, reward and end of an episode, in Gymnasium's terms.
 
-use nerd_sim::prelude::*;
-use nerd_sim::sampling::hurry;
+use nerd_sim::{prelude::*, sampling::hurry};
 use rand_chacha::ChaCha8Rng;
 
 /// Times that a fast start is slowed down by half, at most.

@@ -7,9 +7,7 @@
 use nerd_sim::dataset::Part;
 use nerd_train::run::RecordConfig;
 
-use crate::options::TRANSITIONS;
-use crate::prelude::*;
-use crate::ranks::alone;
+use crate::{options::TRANSITIONS, prelude::*, ranks::alone};
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct DatasetArgs {

@@ -1,10 +1,8 @@
 //! `cargo xtask inspect FOLDER`: a data set as a learner will see it ([`nerd_lab::inspect`]); or, with `--robot` alone, a robot's
 //! specification.
 
-use nerd_lab::inspect::Inspection;
-use nerd_lab::survey::verdict;
-use nerd_sim::dataset::Manifest;
-use nerd_sim::system::Source;
+use nerd_lab::{inspect::Inspection, survey::verdict};
+use nerd_sim::{dataset::Manifest, system::Source};
 
 use crate::prelude::*;
 

@@ -3,9 +3,8 @@
 use anyhow::Result;
 use nerd_lab::report::{Table, digits};
 use nerd_model::folder::ModelConfig;
-use nerd_sim::prelude::*;
-use nerd_sim::scene::WORLDS;
 use nerd_sim::suite::{Row, Suite};
+use nerd_sim::{prelude::*, scene::WORLDS};
 use nerd_tasks::{named, names};
 use nerd_train::shipped::{folders, from_root, root};
 

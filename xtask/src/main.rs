@@ -1,13 +1,10 @@
 //! `cargo xtask VERB`: one file per verb. Bad input ends with one line and exit code 2, and leaves no file behind.
 
-use std::ffi::OsString;
-use std::process::ExitCode;
+use std::{ffi::OsString, process::ExitCode};
 
 use anyhow::Result;
-use clap::error::ErrorKind;
-use clap::{Command, CommandFactory, FromArgMatches, Parser};
-use nerd_lab::experiments::calibrated::Calibration;
-use nerd_lab::experiments::chart::Chart;
+use clap::{Command, CommandFactory, FromArgMatches, Parser, error::ErrorKind};
+use nerd_lab::{experiments::calibrated::Calibration, experiments::chart::Chart};
 use nerd_train::provenance::Provenance;
 
 #[macro_use(tell)]

@@ -24,13 +24,11 @@ impl<T: Settings + Experiment + Clone + std::fmt::Debug + Send + Sync> Conduct<T
 
     /// Measures it; writes only where a folder is named.
     pub fn try_out(self) -> Result<()> {
-        match &self.out {
-            Some(_) => self.run(),
-            None => {
-                tables(&self.keys.settings()?.measure()?.tables);
-                Ok(())
-            }
+        if self.out.is_some() {
+            return self.run();
         }
+        tables(&self.keys.settings()?.measure()?.tables);
+        Ok(())
     }
 }
 
@@ -53,7 +51,7 @@ pub fn run(args: MeasureArgs) -> Result<()> {
 
 /// The experiments, and what may be set.
 fn list() -> Result<()> {
-    for entry in &REGISTRY {
+    for entry in REGISTRY {
         say!("{}: {}", entry.name, entry.about);
         let rows = (entry.keys)().into_iter().map(|key| vec![key.name(), key.help().to_string()]);
         table(&Table::new(entry.name, &["setting", "what it means"]).with(rows));

@@ -4,8 +4,7 @@ use std::marker::PhantomData;
 
 use anyhow::{Error, Result};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use clap::parser::ValueSource;
-use clap::{Arg, ArgAction, ArgMatches, Command};
+use clap::{Arg, ArgAction, ArgMatches, Command, parser::ValueSource};
 use nerd_train::settings::{Given, Key, Settings, Values};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
@@ -28,14 +27,6 @@ pub fn value<T: DeserializeOwned>(values: Values) -> impl Fn(&str) -> Result<T, 
 /// One of some words.
 pub fn word<T: DeserializeOwned + Clone + Send + Sync + 'static>(words: &'static [&'static str]) -> impl TypedValueParser<Value = T> {
     PossibleValuesParser::new(words).try_map(|word| serde_json::from_value::<T>(word.into()))
-}
-
-/// Refuses the first of `options`, names and whether they were given, that was given without effect.
-pub fn unused(options: &[(&str, bool)], when: &str) -> Result<()> {
-    match options.iter().find(|(_, given)| *given) {
-        Some((option, _)) => Err(Error::msg(format!("{option} means nothing {when}"))),
-        None => Ok(()),
-    }
 }
 
 /// Options for keys.

@@ -1,10 +1,9 @@
 //! Standard output, which may be closed (`| head`) or full without ending a command before it has written its files. With `--json` it
 //! holds only the tables, as one object: names, and rows as objects.
 
-use std::fmt::Arguments;
 use std::io::{ErrorKind, Write, stdout};
-use std::path::Path;
 use std::sync::{Mutex, OnceLock, PoisonError};
+use std::{fmt::Arguments, path::Path};
 
 use anyhow::{Result, bail};
 use nerd_lab::experiments::{self, Experiment};

@@ -3,9 +3,8 @@
 pub(crate) use std::path::PathBuf;
 
 pub(crate) use anyhow::{Context, Result, bail};
-pub(crate) use nerd_lab::choice::Choice;
+pub(crate) use nerd_lab::{choice::Choice, error::unused};
 pub(crate) use nerd_sim::prelude::*;
-pub(crate) use nerd_train::device::Device;
-pub(crate) use nerd_train::shipped::results;
+pub(crate) use nerd_train::{device::Device, shipped::results};
 
-pub(crate) use crate::options::{Keys, Positive, Whole, unused, value, word};
+pub(crate) use crate::options::{Keys, Positive, Whole, value, word};

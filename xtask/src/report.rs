@@ -3,8 +3,7 @@
 use nerd_lab::page::{MOTIONS, page};
 use nerd_train::progress::bar;
 
-use crate::options::FRAMES;
-use crate::prelude::*;
+use crate::{options::FRAMES, prelude::*};
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct ReportArgs {
@@ -14,14 +13,11 @@ pub struct ReportArgs {
     /// Frames of each replay
     #[arg(long, default_value_t = 240, value_parser = value::<usize>(Whole(FRAMES)))]
     pub frames: usize,
-    /// FILE for the moving picture of README, drawn by a browser [default: none]
-    #[arg(long, value_name = "FILE")]
-    pub gif: Option<PathBuf>,
 }
 
 pub fn run(args: ReportArgs) -> Result<()> {
     let bar = bar("motions", MOTIONS as u64);
-    page(args.frames, &results(), &args.out, args.gif.as_deref(), &bar)?;
+    page(args.frames, &results(), &args.out, &bar)?;
     bar.finish();
     say!("written to {}", args.out.display());
     Ok(())

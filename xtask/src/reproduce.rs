@@ -4,15 +4,13 @@
 //!
 //! Results go to `out/reproduce`; `--out results` replaces the committed ones.
 
-use nerd_lab::experiments::chart::Chart;
 use nerd_lab::experiments::passive::{Case, Passive, Protocol, Rows};
-use nerd_lab::report::Artifact;
+use nerd_lab::{experiments::chart::Chart, report::Artifact};
 use nerd_train::run::{Run, RunConfig};
 use nerd_train::shipped;
 
 use crate::options::{DEVICES, SEEDS, STARTS};
-use crate::out::conduct;
-use crate::prelude::*;
+use crate::{out::conduct, prelude::*};
 
 /// Charts of it, robot and scene.
 const CHARTS: [(&str, &str); 3] = [("cartpole", "free"), ("pendulum", "free"), ("pendulum", "ground1")];

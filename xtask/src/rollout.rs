@@ -5,9 +5,8 @@ use nerd_sim::rollout::States;
 use nerd_train::bounds::{memory, time};
 use nerd_train::progress::bar;
 
-use crate::options::FRAMES;
-use crate::prelude::*;
 use crate::solvers::{SolverArgs, SolverName};
+use crate::{options::FRAMES, prelude::*};
 
 /// What `--help` says of the files.
 const TABLES: &str = "\

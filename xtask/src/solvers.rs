@@ -14,8 +14,8 @@ pub struct SolverArgs {
     pub solver: Option<SolverName>,
     /// Settings of `articulated`: `accurate` (what models learn), `paper` (the reference simulator's, for robots NAME-paper) or
     /// `converged` (as accurate as can be) [default: that of the robot's own truth]
-    #[arg(long, value_enum)]
-    pub preset: Option<Preset>,
+    #[arg(long, value_parser = ["accurate", "paper", "converged"])]
+    pub preset: Option<String>,
     /// Friction law of `articulated`: `coulomb` (Warp 1.5.1) or `huber` (Warp 1.8) [default: coulomb]
     #[arg(long, value_parser = word::<Friction>(&["coulomb", "huber"]))]
     pub friction: Option<Friction>,
@@ -49,17 +49,6 @@ pub enum SolverName {
     Neural,
 }
 
-/// Presets of `articulated`.
-#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Preset {
-    /// What models learn.
-    Accurate,
-    /// The reference simulator's settings.
-    Paper,
-    /// As accurate as can be.
-    Converged,
-}
-
 impl SolverArgs {
     /// The solver that the options name; refuses one that means nothing beside the others.
     pub fn choose(&self, system: &System) -> Result<Choice> {
@@ -81,14 +70,14 @@ impl SolverArgs {
         Ok(match solver {
             SolverName::Articulated => {
                 let law = self.friction.unwrap_or(Friction::Coulomb);
-                let own = if system.spec.truth == Truth::Paper { Preset::Paper } else { Preset::Accurate };
-                if self.preset == Some(Preset::Paper) {
+                let own = if system.spec.truth == Truth::Paper { "paper" } else { "accurate" };
+                if self.preset.as_deref() == Some("paper") {
                     Truth::Paper.check(&system.robot, system.spec.self_collision).map_err(|e| anyhow!("--preset paper: {e}"))?;
                 }
-                let mut config = match self.preset.unwrap_or(own) {
-                    Preset::Accurate => ArticulatedConfig { friction: law, ..ArticulatedConfig::accurate(system) },
-                    Preset::Paper => ArticulatedConfig::paper(system, law),
-                    Preset::Converged => ArticulatedConfig::converged(law),
+                let mut config = match self.preset.as_deref().unwrap_or(own) {
+                    "accurate" => ArticulatedConfig { friction: law, ..ArticulatedConfig::accurate(system) },
+                    "paper" => ArticulatedConfig::paper(system, law),
+                    _ => ArticulatedConfig::converged(law),
                 };
                 if let Some(n) = self.substeps {
                     (config.substeps, config.contact_substeps) = (n, n);

@@ -1,11 +1,8 @@
 //! `cargo xtask stability`: where each method holds, bends and breaks. Failures are the point.
 
-use nerd_lab::experiments::learned::Learned;
-use nerd_lab::experiments::stability::Stability;
+use nerd_lab::{experiments::learned::Learned, experiments::stability::Stability};
 
-use crate::options::DEVICES;
-use crate::out::conduct;
-use crate::prelude::*;
+use crate::{options::DEVICES, out::conduct, prelude::*};
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct StabilityArgs {

@@ -2,8 +2,7 @@
 
 use nerd_train::run::{Recipe, RunConfig};
 
-use crate::prelude::*;
-use crate::ranks;
+use crate::{prelude::*, ranks};
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct TrainArgs {

@@ -6,9 +6,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng as Dice;
 use serde::Deserialize;
 
-use super::files::Files;
-use super::judge::Case;
 use super::text::{Dictionary, byte};
+use super::{files::Files, judge::Case};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
 #[serde(rename_all = "lowercase")]

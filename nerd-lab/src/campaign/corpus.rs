@@ -3,10 +3,8 @@
 use anyhow::{Context, Result, ensure};
 use serde::Deserialize;
 
-use super::case::Kind;
-use super::files::Files;
 use super::judge::{Case, Outcome, Verdict};
-use super::text::repeated;
+use super::{case::Kind, files::Files, text::repeated};
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]

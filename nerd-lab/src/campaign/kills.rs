@@ -1,9 +1,8 @@
 //! Runs that are killed at a random moment, every second one in the midst of writing a file. What is there must be whole files, and
 //! the same command must then come to what an unbroken run comes to, byte for byte.
 
-use std::collections::BTreeSet;
-use std::fs::File;
 use std::process::{Child, Command, Stdio};
+use std::{collections::BTreeSet, fs::File};
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

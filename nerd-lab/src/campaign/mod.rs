@@ -11,7 +11,6 @@ use rayon::prelude::*;
 
 use crate::prelude::*;
 
-mod bench;
 mod case;
 mod corpus;
 mod files;
@@ -109,7 +108,7 @@ impl Campaign {
 /// Good files, made with the program itself.
 fn good(program: &Path) -> Result<files::Files> {
     let folder = files::scratch()?;
-    bench::build(program, folder.path())?;
+    files::build(program, folder.path())?;
     files::read(folder.path())
 }
 

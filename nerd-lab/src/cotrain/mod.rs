@@ -17,18 +17,18 @@
 //! OUT/rounds.md                                           all rounds in a table
 //! ```
 
-mod gaps;
 mod plan;
 mod round;
 
 use nerd_train::records::claimed;
 
-pub use gaps::{Gap, Round};
 pub use plan::CoTrainConfig;
+pub use round::{Gap, Round};
 
 use plan::Plan;
 
 use crate::prelude::*;
+use crate::report::read_json_of;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
@@ -60,11 +60,8 @@ pub fn co_train(tasks: Vec<String>, config: CoTrainConfig, out: Option<PathBuf>)
         if k == plan.config.rounds {
             break End::Rounds;
         }
-        let done = match Round::read(&plan.folder(k))? {
-            Some(done) => Some(done),
-            None => plan.round(k)?,
-        };
-        let Some(done) = done else { break End::Time };
+        let done = read_json_of(&plan.done(k))?;
+        let Some(done) = done.map_or_else(|| plan.round(k), |done| Ok(Some(done)))? else { break End::Time };
         rounds.push(done);
         write(&plan.out.join("rounds.md"), table(&plan, &rounds).markdown().as_bytes())?;
     };

@@ -1,15 +1,12 @@
 //! The loop's plan from its settings: checks, first model, identity.
 
 use nerd_tasks::named;
-use nerd_train::bounds::UPDATES;
-use nerd_train::difference::between;
-use nerd_train::ppo::PpoConfig;
 use nerd_train::run::{Recipe, Run, RunConfig};
 use nerd_train::settings::{Given, Settings};
+use nerd_train::{bounds::UPDATES, difference::between, ppo::PpoConfig};
 use serde_json::{Value, json};
 
-use crate::prelude::*;
-use crate::report::write_json;
+use crate::{prelude::*, report::write_json};
 
 /// Default number of updates of further training.
 const USUAL: u64 = 100_000;

@@ -1,18 +1,24 @@
-//! One round: its model, its policies, its gaps.
+//! One round: its model, its policies, and what these earn in it and in the truth.
 
 use nerd_train::ppo::PolicyRun;
 use nerd_train::run::{Run, RunConfig};
 
-use super::gaps::{Gap, Round};
 use super::plan::Plan;
+use crate::experiments::games::{Compared, games, policy_of};
 use crate::prelude::*;
+use crate::report::{read_json_of, write_json};
 
 /// Between the seeds of the data of two rounds: further than runs move theirs to validate.
 const DATA: u64 = 10_000;
 
 impl Plan {
-    pub(super) fn folder(&self, k: usize) -> PathBuf {
+    fn folder(&self, k: usize) -> PathBuf {
         self.out.join(format!("round-{k}"))
+    }
+
+    /// All gaps of a round that is done.
+    pub(super) fn done(&self, k: usize) -> PathBuf {
+        self.folder(k).join("gaps.json")
     }
 
     pub(super) fn model_of(&self, k: usize) -> PathBuf {
@@ -46,7 +52,7 @@ impl Plan {
             gaps.push(Gap::of(&run, self.truth, self.config.games)?);
         }
         let round = Round { round: k, model: ModelConfig::read(&self.model_of(k))?.model_sha256, gaps };
-        round.write(&self.folder(k))?;
+        write_json(&self.done(k), &round)?;
         Ok(Some(round))
     }
 
@@ -81,4 +87,57 @@ fn trained(run: &PolicyRun) -> Result<bool> {
         return Ok(false);
     }
     Ok(run.train()?.iterations >= run.config.iterations)
+}
+
+/// Seed of the starts of all games: that of all protocols.
+const STARTS: u64 = 500;
+
+/// One policy in the model that it was trained in, and in the truth.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Gap {
+    pub task: String,
+    pub seed: u64,
+    pub sha256: String,
+    #[serde(flatten)]
+    pub rewards: Compared,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Round {
+    pub round: usize,
+    pub model: String,
+    pub gaps: Vec<Gap>,
+}
+
+impl Gap {
+    /// Plays a trained policy, or reads what it has played.
+    pub(super) fn of(run: &PolicyRun, truth: Truth, n: usize) -> Result<Self> {
+        if let Some(done) = Self::read(&run.out)? {
+            return Ok(done);
+        }
+        let policy = policy_of(&run.out.join("policy"), &run.task)?;
+        let play = |arena: &Arena| games(&run.task, arena, &policy, n, STARTS);
+        let (real, learned) = (play(&Arena::Truth(truth))?, play(&run.arena)?);
+        let rewards = Compared::of(&real, Some(&learned));
+        let found = Self { task: run.task.clone(), seed: run.seed, sha256: policy.sha256(), rewards };
+        write_json(&run.out.join("gap.json"), &found)?;
+        Ok(found)
+    }
+
+    fn read(run: &Path) -> Result<Option<Self>> {
+        read_json_of(&run.join("gap.json"))
+    }
+
+    /// Size of the gap; infinite where there is none to speak of.
+    fn size(&self) -> f64 {
+        self.rewards.gap.map_or(f64::INFINITY, f64::abs)
+    }
+}
+
+impl Round {
+    /// Mean and largest size of a task's gaps (percent).
+    pub fn sizes(&self, task: &str) -> [f64; 2] {
+        let sizes: Vec<f64> = self.gaps.iter().filter(|gap| gap.task == task).map(Gap::size).collect();
+        [sizes.iter().sum::<f64>() / sizes.len() as f64, sizes.iter().copied().fold(0.0, f64::max)]
+    }
 }

@@ -86,7 +86,7 @@ pub fn arena_of(task: &str, word: &str, device: Device) -> Result<Arena> {
     }
     #[cfg(not(feature = "cuda"))]
     if device.is_cuda() {
-        bail!("device {device}: articulated is computed there in a build with `--features cuda`");
+        bail!("--device {device}: articulated is computed there in a build with `--features cuda`");
     }
     Ok(if word == "truth" { Arena::Truth(Truth::Articulated) } else { Arena::Judge(setting) })
 }
@@ -131,8 +131,9 @@ pub fn policy_of(path: &Path, task: &str) -> Result<Policy> {
     Ok(policy)
 }
 
-/// A truth as what a task's games depend on.
-pub fn truth_of(task: &str, truth: Truth) -> Result<Input> {
-    let task = named(task)?;
-    Input::motion(task.robot(), task.scene(), &truth.into())
+/// Adds what a task's games depend on in a truth.
+pub fn depend(inputs: &mut Inputs, task: &str, truth: Truth) -> Result<()> {
+    inputs.add(Input::robot(&*System::named(named(task)?.robot())?));
+    inputs.add(input_of(task, &Arena::Truth(truth))?);
+    Ok(())
 }

@@ -1,11 +1,9 @@
 //! Judges in which nothing was trained: every policy in its truth, at twice the substeps, in rapier, at the reference simulator's preset
 //! and in MuJoCo. A policy that exploits one simulator's fault earns only there.
 
-use nerd_train::Error;
-use nerd_train::ppo::folder;
-use nerd_train::shipped::from_root;
+use nerd_train::{Error, ppo::folder, shipped::from_root};
 
-use super::games::{Reward, games, truth_of};
+use super::games::{Reward, depend, games};
 use super::policies::{Policies, short};
 use crate::prelude::*;
 
@@ -62,9 +60,7 @@ impl Experiment for Judges {
     fn about(&self) -> Result<About> {
         let (folders, mut inputs) = (self.folders()?, Inputs::default());
         for path in &folders {
-            let task = folder::load(path)?.0.task;
-            inputs.add(Input::robot(&*System::named(nerd_tasks::named(&task)?.robot())?));
-            inputs.add(truth_of(&task, Truth::Articulated)?);
+            depend(&mut inputs, &folder::load(path)?.0.task, Truth::Articulated)?;
             inputs.add(Input::policy(path)?);
         }
         Ok(About { name: "judges".into(), seed: self.seed, effort: (self.games * folders.len()) as f64, inputs })

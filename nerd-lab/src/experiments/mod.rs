@@ -5,7 +5,6 @@ pub mod benchmark;
 pub mod calibrated;
 pub mod chart;
 pub mod games;
-pub mod gradients;
 pub mod judges;
 pub mod learned;
 pub mod motions;
@@ -18,9 +17,8 @@ pub mod stability;
 
 use serde_json::{Map, Value};
 
-use crate::prelude::*;
-use crate::report::Provenance;
 use crate::report::artifact::{Artifact, may_write};
+use crate::{prelude::*, report::Provenance};
 
 pub use registry::{Entry, REGISTRY};
 

@@ -7,7 +7,7 @@ use nerd_train::ppo::{Actor, Game, folder, plan, play};
 
 use rayon::prelude::*;
 
-use super::games::{Reward, arena_of, input_of, policy_of, truth_of};
+use super::games::{Reward, arena_of, depend, input_of, policy_of};
 use crate::prelude::*;
 
 /// Steps by which a pace is measured.
@@ -37,14 +37,6 @@ settings! {
         samples: Option<usize> = None, Whole(2..=65_536);
         /// Steps of a plan, instead of a task's own number
         steps: Option<usize> = None, Whole(1..=1000);
-        /// Weight of squared actions to ilqr, instead of a task's own
-        effort: Option<f64> = None, Positive;
-        /// Standard deviation of what mppi adds to actions, instead of a task's own
-        noise: Option<f64> = None, Positive;
-        /// Temperature of mppi (reward), instead of a task's own
-        temperature: Option<f64> = None, Positive;
-        /// Steps that what mppi adds is held for, instead of a task's own
-        hold: Option<usize> = None, Whole(1..=1000);
     }
 }
 
@@ -101,23 +93,12 @@ impl Plans {
             "cartpole-swingup" => MppiConfig { samples: 16, steps: 48, noise: 0.15, hold: 4, temperature: 3.0, ..shared },
             _ => MppiConfig { steps: 16, hold: 4, temperature: 0.3, ..shared },
         };
-        MppiConfig {
-            samples: self.samples.unwrap_or(own.samples),
-            steps: self.steps.unwrap_or(own.steps),
-            noise: self.noise.unwrap_or(own.noise),
-            temperature: self.temperature.unwrap_or(own.temperature),
-            hold: self.hold.unwrap_or(own.hold),
-            ..own
-        }
+        MppiConfig { samples: self.samples.unwrap_or(own.samples), steps: self.steps.unwrap_or(own.steps), ..own }
     }
 
     fn ilqr(&self, task: &str) -> IlqrConfig {
-        let own = match task {
-            "cartpole-swingup" => IlqrConfig { steps: 56, search: 4, ..IlqrConfig::default() },
-            _ => IlqrConfig { steps: 24, search: 4, ..IlqrConfig::default() },
-        };
-        let (steps, search) = (self.steps.unwrap_or(own.steps), self.samples.unwrap_or(own.search));
-        IlqrConfig { steps, search, effort: self.effort.unwrap_or(own.effort), ..own }
+        let steps = if task == "cartpole-swingup" { 56 } else { 24 };
+        IlqrConfig { steps: self.steps.unwrap_or(steps), search: self.samples.unwrap_or(4), ..IlqrConfig::default() }
     }
 
     /// Plans that a planner compares, and their steps.
@@ -202,13 +183,11 @@ impl Experiment for Plans {
             bounds::once(&format!("--set {key}"), names)?;
         }
         for task in &self.task {
-            let of = nerd_tasks::named(task)?;
-            inputs.add(Input::robot(&*System::named(of.robot())?));
-            inputs.add(truth_of(task, Truth::Articulated)?);
+            // States of every plan's steps, on every thread.
+            let bytes = 64 * System::named(nerd_tasks::named(task)?.robot())?.robot.state_dim();
+            depend(&mut inputs, task, Truth::Articulated)?;
             for planner in &self.planner {
                 let [plans, steps] = self.sizes(planner, task)?;
-                // States of every plan's steps, on every thread.
-                let bytes = 64 * System::named(of.robot())?.robot.state_dim();
                 bounds::memory(&[("samples", plans), ("steps", steps), ("threads", rayon::current_num_threads())], bytes)?;
                 if planner == "ilqr" {
                     self.planner(planner, task, &Arena::Judge(Setting::Accurate), 1)?;

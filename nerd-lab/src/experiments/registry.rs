@@ -13,12 +13,8 @@ pub struct Entry {
     make: fn(&Given) -> Result<Box<dyn Experiment>>,
 }
 
-pub static REGISTRY: [Entry; 7] = [
+pub static REGISTRY: &[Entry] = &[
     entry::<super::benchmark::Benchmark>("benchmark", "Solvers on graphics cards (needs --features cuda)"),
-    entry::<super::gradients::Gradients>(
-        "gradients",
-        "How a policy's gradient varies with its horizon, through a model and through articulated",
-    ),
     entry::<super::judges::Judges>(
         "judges",
         "Policies in solvers that they never trained in: finer steps, rapier, the reference's preset, MuJoCo",
@@ -33,18 +29,14 @@ pub static REGISTRY: [Entry; 7] = [
 ];
 
 const fn entry<T: Settings + Experiment + 'static>(name: &'static str, about: &'static str) -> Entry {
-    Entry { name, about, keys: T::keys, make: |given| Ok(Box::new(settings::<T>(given)?)) }
-}
-
-fn settings<T: Settings>(given: &Given) -> Result<T> {
-    T::default().with(given).map_err(anyhow::Error::msg)
+    Entry { name, about, keys: T::keys, make: |given| Ok(Box::new(T::default().with(given).map_err(anyhow::Error::msg)?)) }
 }
 
 impl Entry {
     pub fn named(name: &str) -> Result<&'static Self> {
         match REGISTRY.iter().find(|entry| entry.name == name) {
             Some(entry) => Ok(entry),
-            None => bail!("no experiment `{name}`: choose from {}", REGISTRY.each_ref().map(|entry| entry.name).join(", ")),
+            None => bail!("no experiment `{name}`: choose from {}", REGISTRY.iter().map(|entry| entry.name).collect::<Vec<_>>().join(", ")),
         }
     }
 

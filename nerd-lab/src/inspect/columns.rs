@@ -1,7 +1,6 @@
 //! The columns of a data set: names and statistics.
 
-use nerd_model::base::Base;
-use nerd_model::features::Features;
+use nerd_model::{base::Base, features::Features};
 use nerd_sim::prelude::*;
 use serde::Serialize;
 

@@ -5,8 +5,7 @@ mod columns;
 
 use nerd_model::base::Base;
 use nerd_sim::dataset::{Manifest, Recording};
-use nerd_train::bounds::figures;
-use nerd_train::prepare::tokens;
+use nerd_train::{bounds::figures, prepare::tokens};
 
 pub use columns::Kind;
 

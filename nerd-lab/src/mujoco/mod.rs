@@ -1,6 +1,5 @@
 //! MuJoCo as a referee and as a solver, for those who have one: a Python with MuJoCo is started when asked for.
 
-mod python;
 mod referee;
 mod solver;
 

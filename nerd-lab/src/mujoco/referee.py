@@ -1,9 +1,10 @@
 """Steps a model with MuJoCo for `nerd_lab::mujoco::Referee`.
 
-JSON in, JSON out, a line each. First line: `mjcf`, `frame_time` (s), `frames`, `starts` as [qpos, qvel]; the answer is MuJoCo's
-version. Every other line is a setting, an `integrator`, its `substeps` a frame, and whether it is `timed`; the answer is the states at
-frame ends as `states[frame][start]`, null once MuJoCo has given one up, and the `seconds` of the fastest run. Or it is one frame: states `from` which, joint `forces`, `substeps`; the answer is `states`. A timed run is one call a start with all frames in it, so that nothing of Python is in its time, and must end
-where the recorded one did.
+JSON in, JSON out, a line each: `answer`, or `error`. First line: `mjcf`, `frame_time` (s), `frames`, `starts` as [qpos, qvel]; the answer is
+MuJoCo's version. Every other line is a setting, an `integrator`, its `substeps` a frame, and whether it is `timed`; the answer is the states
+at frame ends, [frame][start], null once MuJoCo has given one up, and the seconds of the fastest run. Or it is one frame: states `from` which,
+joint `forces`, `substeps`; the answer is states. A timed run is one call a start with all frames in it, so that nothing of Python is in its
+time, and must end where the recorded one did.
 """
 
 import json
@@ -11,8 +12,8 @@ import sys
 import time
 
 
-def say(answer):
-    print(json.dumps(answer), flush=True)
+def say(answer, kind="answer"):
+    print(json.dumps({kind: answer}), flush=True)
 
 
 def main():
@@ -21,13 +22,13 @@ def main():
     try:
         import mujoco
     except ImportError as error:
-        return say({"error": f"no MuJoCo here ({error}); name a Python that has it"})
+        return say(f"no MuJoCo here ({error}); name a Python that has it", "error")
     # What blows up is counted, and need not be written to a file.
     mujoco.set_mju_user_warning(lambda text: None)
     model = mujoco.MjModel.from_xml_string(request["mjcf"])
     data = mujoco.MjData(model)
     bad = [getattr(mujoco.mjtWarning, "mjWARN_BAD" + what) for what in ("QPOS", "QVEL", "QACC")]
-    say({"version": mujoco.__version__})
+    say(mujoco.__version__)
 
     def begin(start):
         mujoco.mj_resetData(model, data)
@@ -50,7 +51,7 @@ def main():
             data.qfrc_applied[first:] = forces
             mujoco.mj_step(model, data, nstep=substeps)
             states.append(state())
-        say({"states": states})
+        say(states)
 
     for line in sys.stdin:
         setting = json.loads(line)
@@ -75,12 +76,12 @@ def main():
                 mujoco.mj_step(model, data, nstep=substeps * frames)
                 spent += time.perf_counter() - before
                 if state() != states[-1][k]:
-                    return say({"error": "MuJoCo came to another state when timed"})
+                    return say("MuJoCo came to another state when timed", "error")
             best, total, runs = min(best, spent), total + spent, runs + 1
-        say({"states": states, "seconds": best if setting["timed"] else 0.0})
+        say([states, best if setting["timed"] else 0.0])
 
 
 try:
     main()
 except Exception as error:
-    say({"error": f"MuJoCo: {error}"})
+    say(f"MuJoCo: {error}", "error")

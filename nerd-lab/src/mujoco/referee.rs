@@ -1,11 +1,14 @@
 //! MuJoCo as a referee: another engine on the same robot, for those who have one. Nothing needs it, to build or to run:
 //! a Python with MuJoCo is started when asked for, given a model and starts, and asked for states.
 
+use std::io::{BufRead, BufReader, Write};
+use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
+
 use nerd_core::dynamics::{to_local, to_world};
 use nerd_core::state::wrap_state;
 use nerd_sim::mjcf::mjcf;
+use serde_json::{Value, json};
 
-use super::python::Python;
 use crate::prelude::*;
 
 const REFEREE: &str = include_str!("referee.py");
@@ -30,33 +33,6 @@ pub struct Played {
     pub seconds: f64,
 }
 
-#[derive(Serialize)]
-struct Request {
-    mjcf: String,
-    frame_time: f64,
-    frames: usize,
-    starts: Vec<Vec<f64>>,
-}
-
-#[derive(Serialize)]
-struct Setting {
-    integrator: Scheme,
-    substeps: usize,
-    timed: bool,
-}
-
-/// What the script says first.
-#[derive(Deserialize)]
-struct Version {
-    version: String,
-}
-
-#[derive(Deserialize)]
-struct Rolled {
-    states: Vec<Vec<Option<Vec<f64>>>>,
-    seconds: f64,
-}
-
 /// MuJoCo at work on one model from the same starts, at one setting after another.
 pub struct Referee {
     pub version: String,
@@ -74,19 +50,18 @@ impl Referee {
         }
         let robot = system.robot.clone();
         let free = Arc::new(Scene::free(system.gravity()));
-        let starts = (0..batch.len()).map(|env| to_mujoco(&robot, batch.state(env))).collect();
+        let starts: Vec<_> = (0..batch.len()).map(|env| to_mujoco(&robot, batch.state(env))).collect();
         let mjcf = mjcf(system, batch.scenes.first().unwrap_or(&free), first)?;
-        let request = Request { mjcf, frame_time: system.frame_time, frames, starts };
         let mut python = Python::start(python, REFEREE)?;
-        let Version { version } = python.ask(&request)?;
+        let version = python.ask(&json!({ "mjcf": mjcf, "frame_time": system.frame_time, "frames": frames, "starts": starts }))?;
         Ok(Self { version, robot, python })
     }
 
     /// Rolls out at one setting: `substeps` steps of `integrator` a frame.
     pub fn play(&mut self, integrator: Scheme, substeps: usize, timed: bool) -> Result<Played> {
-        let setting = Setting { integrator, substeps, timed };
-        let Rolled { states, seconds } = self.python.ask(&setting)?;
-        let robot = &self.robot;
+        type States = Vec<Vec<Option<Vec<f64>>>>;
+        let setting = json!({ "integrator": integrator, "substeps": substeps, "timed": timed });
+        let ((states, seconds), robot): ((States, f64), _) = (self.python.ask(&setting)?, &self.robot);
         let state = |s: Option<Vec<f64>>| s.map_or_else(|| vec![GONE; robot.state_dim()], |s| from_mujoco(robot, &s));
         Ok(Played { frames: states.into_iter().map(|frame| frame.into_iter().flat_map(state).collect()).collect(), seconds })
     }
@@ -122,4 +97,47 @@ pub fn from_mujoco(robot: &Robot, state: &[f64]) -> Vec<f64> {
     }
     wrap_state(robot, &mut out);
     out
+}
+
+pub struct Python {
+    child: Child,
+    input: ChildStdin,
+    output: BufReader<ChildStdout>,
+}
+
+#[derive(Deserialize)]
+#[serde(untagged)]
+enum Said<A> {
+    Error { error: String },
+    Answer { answer: A },
+}
+
+impl Python {
+    pub fn start(python: &Path, script: &str) -> Result<Self> {
+        let cannot = || format!("cannot start `{}` as a Python with MuJoCo", python.display());
+        let mut command = Command::new(python);
+        command.args(["-c", script]).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
+        let mut child = command.spawn().with_context(cannot)?;
+        let (Some(input), Some(output)) = (child.stdin.take(), child.stdout.take()) else { bail!("{}: it has no pipes", cannot()) };
+        Ok(Self { child, input, output: BufReader::new(output) })
+    }
+
+    pub fn ask<A: DeserializeOwned>(&mut self, question: &Value) -> Result<A> {
+        // One that has ended says why on its output.
+        let _ = writeln!(self.input, "{question}");
+        let mut line = String::new();
+        self.output.read_line(&mut line).context("cannot hear MuJoCo")?;
+        match serde_json::from_str(&line) {
+            Ok(Said::Error { error }) => bail!(error.split_whitespace().collect::<Vec<_>>().join(" ")),
+            Ok(Said::Answer { answer }) => Ok(answer),
+            Err(_) => bail!("the Python of MuJoCo ended without an answer"),
+        }
+    }
+}
+
+impl Drop for Python {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
 }

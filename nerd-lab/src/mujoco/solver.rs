@@ -2,6 +2,7 @@
 //! asked for in text.
 
 use nerd_sim::solver::{Fault, check, commit};
+use serde_json::json;
 
 use super::referee::{Referee, from_mujoco, to_mujoco};
 use crate::prelude::*;
@@ -17,18 +18,6 @@ pub struct Mujoco {
     faults: Vec<Fault>,
 }
 
-#[derive(Serialize)]
-struct Asked<'a> {
-    from: Vec<Vec<f64>>,
-    forces: Vec<&'a [f64]>,
-    substeps: usize,
-}
-
-#[derive(Deserialize)]
-struct Stepped {
-    states: Vec<Option<Vec<f64>>>,
-}
-
 impl Mujoco {
     pub fn new(python: &Path, system: &Arc<System>, scene: &Arc<Scene>) -> Result<Self> {
         Ok(Self { referee: Referee::new(python, &Batch::new(system, scene, 0), 0)?, next: Vec::new(), faults: Vec::new() })
@@ -40,12 +29,10 @@ impl Solver for Mujoco {
         check(batch, torques, &mut self.faults)?;
         let (robot, joints) = (&batch.system.robot, batch.system.robot.joint_count());
         let sound: Vec<usize> = (0..batch.len()).filter(|env| self.faults.iter().all(|f| f.env != *env)).collect();
-        let asked = Asked {
-            from: sound.iter().map(|env| to_mujoco(robot, batch.state(*env))).collect(),
-            forces: sound.iter().map(|env| &torques[env * joints..(env + 1) * joints]).collect(),
-            substeps: SUBSTEPS,
-        };
-        let Stepped { states } = self.referee.python.ask(&asked).map_err(|e| StepError::Solver(format!("{e:#}")))?;
+        let from: Vec<_> = sound.iter().map(|env| to_mujoco(robot, batch.state(*env))).collect();
+        let forces: Vec<&[f64]> = sound.iter().map(|env| &torques[env * joints..(env + 1) * joints]).collect();
+        let asked = json!({ "from": from, "forces": forces, "substeps": SUBSTEPS });
+        let states: Vec<Option<Vec<f64>>> = self.referee.python.ask(&asked).map_err(|e| StepError::Solver(format!("{e:#}")))?;
         if states.len() != sound.len() {
             return Err(StepError::Solver(format!("MuJoCo moved {} environments of {}", states.len(), sound.len())));
         }

@@ -1,15 +1,13 @@
 //! One page where a person sees everything: the results of a folder, and motions made on the spot. It loads nothing, so it can be
 //! sent and kept.
 
-mod film;
 mod html;
 pub mod motions;
 mod sections;
 
 use nerd_train::progress::Bar;
 
-use crate::prelude::*;
-use crate::report::Manifest;
+use crate::{prelude::*, report::Manifest};
 use motions::Cause;
 use nerd_train::replay::{self, Replay};
 
@@ -32,13 +30,8 @@ const TASKS: [&str; 8] =
 /// Motions that a page of this workspace shows, for a bar's total.
 pub const MOTIONS: usize = ROBOTS.len() + TASKS.len();
 
-/// Seconds of the moving picture, and its motions: the robots that are let go or moved at random, then four tasks.
-const SECONDS: u32 = 4;
-const FILMED: [usize; 7] = [0, 1, 2, ROBOTS.len(), ROBOTS.len() + 1, ROBOTS.len() + 2, ROBOTS.len() + 3];
-
-/// Writes the page of the results in a folder, with motions of so many frames, and the moving picture of README where one is
-/// asked for; `bar` counts [`MOTIONS`].
-pub fn page(frames: usize, results: &Path, out: &Path, gif: Option<&Path>, bar: &Bar) -> Result<()> {
+/// Writes the page of the results in a folder, with motions of so many frames; `bar` counts [`MOTIONS`].
+pub fn page(frames: usize, results: &Path, out: &Path, bar: &Bar) -> Result<()> {
     let manifest = Manifest::read(results)?;
     let asked = ROBOTS.into_iter().chain(TASKS.map(|task| (task, Cause::Policy(task))));
     let shown = asked.enumerate().map(|(k, (name, cause))| {
@@ -46,9 +39,6 @@ pub fn page(frames: usize, results: &Path, out: &Path, gif: Option<&Path>, bar: 
         motions::shipped(name, cause, frames)
     });
     let shown: Vec<Replay> = shown.collect::<Result<_>>()?;
-    if let Some(path) = gif {
-        film::gif(&FILMED.map(|k| shown[k].clone()), SECONDS, path)?;
-    }
     let (robots, tasks) = shown.split_at(ROBOTS.len());
     let sections = [
         sections::scorecard(results),

@@ -7,8 +7,7 @@ use nerd_train::ppo::{Actor, folder};
 use nerd_train::replay::{self, Replay};
 use nerd_train::shipped::{model, policies};
 
-use crate::prelude::*;
-use crate::roll::begun;
+use crate::{prelude::*, roll::begun};
 
 /// Seed of motions that no data have.
 const UNSEEN: u64 = 500;

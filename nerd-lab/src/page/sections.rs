@@ -6,10 +6,9 @@ use nerd_sim::suite::{Cell, Line, Verdict};
 use nerd_train::replay::{Replay, escape};
 
 use super::html::{Section, card, folded, from, picture, result, table};
-use crate::experiments::passive::Rows;
-use crate::experiments::stability::StabilityMap;
 use crate::report::manifest::{Entry, Manifest};
 use crate::report::{Artifact, digits, or_dash};
+use crate::{experiments::passive::Rows, experiments::stability::StabilityMap};
 
 pub fn scorecard(results: &Path) -> Section {
     Section::new(

@@ -2,9 +2,8 @@
 
 use std::ops::Range;
 
-use plotters::coord::Shift;
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
-use plotters::prelude::*;
+use plotters::{coord::Shift, prelude::*};
 
 use crate::prelude::*;
 

@@ -3,8 +3,7 @@
 //! Robots, models, policies and data sets are identified by SHA-256, solvers by the final state of a short rollout: a renamed file changes
 //! nothing, a changed step does.
 
-use crate::choice::Choice;
-use crate::prelude::*;
+use crate::{choice::Choice, prelude::*};
 use nerd_train::shipped::{from_root, root};
 
 use crate::error;

@@ -62,12 +62,10 @@ impl Manifest {
     pub fn read(folder: &Path) -> Result<Self> {
         let path = folder.join("manifest.toml");
         let text = nerd_sim::files::read_text(&path).map_err(error::file(&path))?;
-        let manifest: Self = toml::from_str(&text).map_err(|e| error::format(&path)(e.to_string().replace('\n', " ")))?;
-        let twice = manifest.artefact.iter().enumerate().find(|(i, e)| manifest.artefact[..*i].iter().any(|other| other.name == e.name));
-        match twice {
-            Some((_, entry)) => bail!("{}: it has `{}` twice", path.display(), entry.name),
-            None => Ok(manifest),
-        }
+        let manifest: Self = toml::from_str(&text).map_err(|e| error::file(&path)(e.to_string().replace('\n', " ")))?;
+        let names: Vec<String> = manifest.artefact.iter().map(|entry| entry.name.clone()).collect();
+        bounds::once(&path.display().to_string(), &names)?;
+        Ok(manifest)
     }
 
     /// Results in the folder that it does not list.

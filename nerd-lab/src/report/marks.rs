@@ -9,8 +9,7 @@
 
 use serde_json::Value;
 
-use super::artifact::Artifact;
-use super::below;
+use super::{artifact::Artifact, below};
 use crate::prelude::*;
 use nerd_train::words::{digits, pair};
 
@@ -40,7 +39,7 @@ impl Marks {
         if !self.read.contains_key(name) {
             let head = Artifact::read(&self.folder, name)?;
             let path = self.folder.join(name);
-            let whole = serde_json::to_value(&head).map_err(error::format(&path))?;
+            let whole = serde_json::to_value(&head).map_err(error::file(&path))?;
             self.read.insert(name.into(), (head, whole));
         }
         Ok(&self.read[name])

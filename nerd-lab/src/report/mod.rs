@@ -6,20 +6,17 @@ mod figure;
 mod inputs;
 pub mod manifest;
 pub mod marks;
-mod table;
 
 use std::io;
 
-use crate::error;
-use crate::prelude::*;
+use crate::{error, prelude::*};
 
-pub use artifact::Artifact;
+pub use artifact::{Artifact, Table, or_dash};
 pub use figure::{Axis, Figure, Mark, Panel, Series, Style, unbeaten};
 pub use inputs::{Input, Inputs};
 pub use manifest::{Manifest, Status};
 pub use nerd_train::provenance::Provenance;
 pub use nerd_train::words::{digits, pair};
-pub use table::{Table, or_dash};
 
 /// Writes a file, whole or not at all.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
@@ -27,13 +24,18 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
 }
 
 pub fn write_json(path: &Path, what: &impl Serialize) -> Result<()> {
-    let text = serde_json::to_string_pretty(what).map_err(error::format(path))?;
+    let text = serde_json::to_string_pretty(what).map_err(error::file(path))?;
     write(path, (text + "\n").as_bytes())
 }
 
 pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
     let text = nerd_sim::files::read_text(path).map_err(error::file(path))?;
-    serde_json::from_str(&text).map_err(error::format(path))
+    serde_json::from_str(&text).map_err(error::file(path))
+}
+
+/// What is in a file, if that is there.
+pub fn read_json_of<T: DeserializeOwned>(path: &Path) -> Result<Option<T>> {
+    path.exists().then(|| read_json(path)).transpose()
 }
 
 /// Every file below a folder, in order; no link is followed. None below one that is not there.

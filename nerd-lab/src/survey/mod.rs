@@ -10,13 +10,11 @@
 //! # Ok::<(), std::io::Error>(())
 //! ```
 
-mod file;
 mod robot;
 mod stand;
 
-pub use file::{Found, find};
 use robot::FRAMES;
-pub use robot::{Sizes, Surveyed, survey};
+pub use robot::{Found, Sizes, Surveyed, find, survey};
 pub use stand::{STANDING, standing, verdict};
 
 use crate::prelude::*;

@@ -1,12 +1,11 @@
 //! Whether a robot stands, hangs or falls, in a line: a while of simulation from its default pose, which an SRDF beside it may name, each
 //! joint held by a drive ([`nerd_sim::drive::holding`]), and the same without.
 
-use nerd_sim::drive::holding;
-use nerd_sim::scene::foot;
+use nerd_sim::{drive::holding, scene::foot};
 
 use super::each;
-use super::file::{Found, reason};
-use crate::prelude::*;
+use super::robot::{Found, reason};
+use crate::{prelude::*, roll::rolled};
 
 /// Seconds that each robot of a folder stands.
 pub const STANDING: f64 = 10.0;
@@ -61,13 +60,9 @@ fn rolls(system: &Arc<System>, scene: &Arc<Scene>, state: &[f64], drives: &[Driv
     let (mut batch, mut solver) = (Batch::new(system, scene, 1), Articulated::new(ArticulatedConfig::accurate(system)));
     batch.reset(0, state);
     batch.drives = drives.to_vec();
-    let (tau, mut last) = (vec![0.0; system.robot.joint_count()], [state.to_vec(), state.to_vec()]);
-    for _ in 0..frames {
-        solver.step(&mut batch, &tau)?;
-        last.rotate_left(1);
-        last[1].clone_from(&batch.states);
-    }
-    Ok(last)
+    let before = rolled(batch, &mut solver, frames - 1)?;
+    let last = rolled(before.clone(), &mut solver, 1)?;
+    Ok([before.states, last.states])
 }
 
 /// Against gravity; along z where there is none.

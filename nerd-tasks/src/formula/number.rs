@@ -6,20 +6,44 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 pub trait Number:
     Copy + From<f64> + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
 {
+    /// What a function makes of this number and another one.
+    #[doc(hidden)]
+    fn made(self, function: Function, other: Self) -> Self;
+
     /// Square root.
-    fn sqrt(self) -> Self;
+    fn sqrt(self) -> Self {
+        self.made(Function::Sqrt, 0.0.into())
+    }
+
     /// e to this.
-    fn exp(self) -> Self;
+    fn exp(self) -> Self {
+        self.made(Function::Exp, 0.0.into())
+    }
+
     /// Without its sign.
-    fn abs(self) -> Self;
+    fn abs(self) -> Self {
+        self.made(Function::Abs, 0.0.into())
+    }
+
     /// The larger of two.
-    fn max(self, other: Self) -> Self;
+    fn max(self, other: Self) -> Self {
+        self.made(Function::Max, other)
+    }
+
     /// The smaller of two.
-    fn min(self, other: Self) -> Self;
+    fn min(self, other: Self) -> Self {
+        self.made(Function::Min, other)
+    }
+
     /// An angle (rad) in [-pi, pi), as [`nerd_core::state::wrap`].
-    fn wrap(self) -> Self;
+    fn wrap(self) -> Self {
+        self.made(Function::Wrap, 0.0.into())
+    }
+
     /// Whether it is less than another.
-    fn below(self, other: Self) -> Self;
+    fn below(self, other: Self) -> Self {
+        self.made(Function::Below, other)
+    }
 
     /// Its square.
     fn squared(self) -> Self {
@@ -33,31 +57,64 @@ pub trait Number:
 }
 
 impl Number for f64 {
-    fn sqrt(self) -> Self {
-        f64::sqrt(self)
+    #[inline]
+    fn made(self, function: Function, other: Self) -> Self {
+        match function {
+            Function::Add => self + other,
+            Function::Sub => self - other,
+            Function::Mul => self * other,
+            Function::Div => self / other,
+            Function::Neg => -self,
+            Function::Sqrt => f64::sqrt(self),
+            Function::Exp => f64::exp(self),
+            Function::Abs => f64::abs(self),
+            Function::Max => f64::max(self, other),
+            Function::Min => f64::min(self, other),
+            Function::Wrap => nerd_core::state::wrap(self),
+            Function::Below => f64::from(u8::from(self < other)),
+        }
     }
+}
 
-    fn exp(self) -> Self {
-        f64::exp(self)
-    }
+/// What is made of two numbers; the second is nothing to some.
+#[doc(hidden)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Function {
+    Add,
+    Sub,
+    Mul,
+    Div,
+    Neg,
+    Sqrt,
+    Exp,
+    Abs,
+    Max,
+    Min,
+    Wrap,
+    Below,
+}
 
-    fn abs(self) -> Self {
-        f64::abs(self)
-    }
+/// Where a root is steeper than this its slope is held: that of a distance has none at 0.
+const STEEPEST: f64 = 1e12;
 
-    fn max(self, other: Self) -> Self {
-        f64::max(self, other)
-    }
-
-    fn min(self, other: Self) -> Self {
-        f64::min(self, other)
-    }
-
-    fn wrap(self) -> Self {
-        nerd_core::state::wrap(self)
-    }
-
-    fn below(self, other: Self) -> Self {
-        f64::from(u8::from(self < other))
+impl Function {
+    /// Slopes by both numbers, y being what is made of them; none where nothing depends on one. Where two are equal the first is the larger
+    /// and the smaller one.
+    pub(super) fn slopes<N: Number>(self, a: N, b: N, y: N) -> [Option<N>; 2] {
+        let one = N::from(1.0);
+        match self {
+            Self::Add => [Some(one), Some(one)],
+            Self::Sub => [Some(one), Some(-one)],
+            Self::Mul => [Some(b), Some(a)],
+            Self::Div => [Some(one / b), Some(-y / b)],
+            Self::Neg => [Some(-one), None],
+            Self::Sqrt => [Some((N::from(0.5) / y).min(N::from(STEEPEST))), None],
+            Self::Exp => [Some(y), None],
+            Self::Abs => [Some(one - N::from(2.0) * a.below(N::from(0.0))), None],
+            Self::Max => [Some(one - a.below(b)), Some(a.below(b))],
+            Self::Min => [Some(one - b.below(a)), Some(b.below(a))],
+            Self::Wrap => [Some(one), None],
+            Self::Below => [None, None],
+        }
     }
 }

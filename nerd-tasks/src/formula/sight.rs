@@ -1,8 +1,6 @@
 //! What formulas can read of one environment.
 
-use nerd_core::dynamics::{kinematics, point_position};
-use nerd_sim::scene::contacts;
-use nerd_sim::system::System;
+use nerd_sim::prelude::*;
 
 use super::tape::{Leaf, Tape, Traced};
 use crate::{View, Work};

@@ -1,11 +1,7 @@
 //! Slopes of a task's formulas on the CPU: reverse mode over the record of one evaluation.
 
-use nalgebra::Vector3;
-use nerd_core::dynamics::{kinematics, point_position};
-use nerd_core::spatial::Wrench;
 use nerd_core::tangent::{numbers_back, push, wrenches_back};
-use nerd_sim::control::Controller;
-use nerd_sim::scene::contacts;
+use nerd_sim::prelude::*;
 
 use super::Formulas;
 use super::sight::{Direct, Recorded};

@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::Number;
+use super::number::{Function, Number};
 
 /// A number that a formula is given.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,65 +26,6 @@ pub(super) enum Leaf {
     Controlled { call: usize, i: usize },
     /// Gradient by number i of the action of a call, `by` its torques.
     Pushed { call: usize, by: usize, i: usize },
-}
-
-/// What a node makes of two numbers; the second is nothing to some.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Function {
-    Add,
-    Sub,
-    Mul,
-    Div,
-    Neg,
-    Sqrt,
-    Exp,
-    Abs,
-    Max,
-    Min,
-    Wrap,
-    Below,
-}
-
-/// Where a root is steeper than this its slope is held: that of a distance has none at 0.
-const STEEPEST: f64 = 1e12;
-
-impl Function {
-    pub fn of<N: Number>(self, a: N, b: N) -> N {
-        match self {
-            Self::Add => a + b,
-            Self::Sub => a - b,
-            Self::Mul => a * b,
-            Self::Div => a / b,
-            Self::Neg => -a,
-            Self::Sqrt => a.sqrt(),
-            Self::Exp => a.exp(),
-            Self::Abs => a.abs(),
-            Self::Max => a.max(b),
-            Self::Min => a.min(b),
-            Self::Wrap => a.wrap(),
-            Self::Below => a.below(b),
-        }
-    }
-
-    /// Slopes by both numbers, y being what is made of them; none where nothing depends on one. Where two are equal the first is the larger
-    /// and the smaller one.
-    pub fn slopes<N: Number>(self, a: N, b: N, y: N) -> [Option<N>; 2] {
-        let one = N::from(1.0);
-        match self {
-            Self::Add => [Some(one), Some(one)],
-            Self::Sub => [Some(one), Some(-one)],
-            Self::Mul => [Some(b), Some(a)],
-            Self::Div => [Some(one / b), Some(-y / b)],
-            Self::Neg => [Some(-one), None],
-            Self::Sqrt => [Some((N::from(0.5) / y).min(N::from(STEEPEST))), None],
-            Self::Exp => [Some(y), None],
-            Self::Abs => [Some(one - N::from(2.0) * a.below(N::from(0.0))), None],
-            Self::Max => [Some(one - a.below(b)), Some(a.below(b))],
-            Self::Min => [Some(one - b.below(a)), Some(b.below(a))],
-            Self::Wrap => [Some(one), None],
-            Self::Below => [None, None],
-        }
-    }
 }
 
 /// A number that is known, or one of a node.
@@ -165,82 +106,34 @@ impl<'a> Traced<'a> {
             Self::Node(tape, k) => tape.nodes.borrow()[k].1,
         }
     }
+}
 
+macro_rules! operators {
+    ($($operator:ident $method:ident),+) => { $(
+        impl $operator for Traced<'_> {
+            type Output = Self;
+            fn $method(self, other: Self) -> Self {
+                self.made(Function::$operator, other)
+            }
+        }
+    )+ };
+}
+operators!(Add add, Sub sub, Mul mul, Div div);
+
+impl Neg for Traced<'_> {
+    type Output = Self;
+    fn neg(self) -> Self {
+        self.made(Function::Neg, Self::Number(0.0))
+    }
+}
+
+impl Number for Traced<'_> {
     fn made(self, f: Function, other: Self) -> Self {
-        let value = f.of(self.value(), other.value());
+        let value = self.value().made(f, other.value());
         match (f, self, other) {
             (_, Self::Number(_), Self::Number(_)) => Self::Number(value),
             (Function::Mul, Self::Number(1.0), x) | (Function::Mul, x, Self::Number(1.0)) => x,
             (_, Self::Node(tape, _), _) | (_, _, Self::Node(tape, _)) => tape.push(Node::Made(f, [self.given(), other.given()]), value),
         }
-    }
-
-    fn alone(self, f: Function) -> Self {
-        self.made(f, Self::Number(0.0))
-    }
-}
-
-impl Add for Traced<'_> {
-    type Output = Self;
-    fn add(self, other: Self) -> Self {
-        self.made(Function::Add, other)
-    }
-}
-
-impl Sub for Traced<'_> {
-    type Output = Self;
-    fn sub(self, other: Self) -> Self {
-        self.made(Function::Sub, other)
-    }
-}
-
-impl Mul for Traced<'_> {
-    type Output = Self;
-    fn mul(self, other: Self) -> Self {
-        self.made(Function::Mul, other)
-    }
-}
-
-impl Div for Traced<'_> {
-    type Output = Self;
-    fn div(self, other: Self) -> Self {
-        self.made(Function::Div, other)
-    }
-}
-
-impl Neg for Traced<'_> {
-    type Output = Self;
-    fn neg(self) -> Self {
-        self.alone(Function::Neg)
-    }
-}
-
-impl Number for Traced<'_> {
-    fn sqrt(self) -> Self {
-        self.alone(Function::Sqrt)
-    }
-
-    fn exp(self) -> Self {
-        self.alone(Function::Exp)
-    }
-
-    fn abs(self) -> Self {
-        self.alone(Function::Abs)
-    }
-
-    fn max(self, other: Self) -> Self {
-        self.made(Function::Max, other)
-    }
-
-    fn min(self, other: Self) -> Self {
-        self.made(Function::Min, other)
-    }
-
-    fn wrap(self) -> Self {
-        self.alone(Function::Wrap)
-    }
-
-    fn below(self, other: Self) -> Self {
-        self.made(Function::Below, other)
     }
 }

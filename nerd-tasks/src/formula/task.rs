@@ -2,14 +2,11 @@
 
 use std::fmt::Write;
 
-use nerd_sim::articulated::device::episode;
-use nerd_sim::system::System;
+use nerd_sim::{articulated::device::episode, system::System};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::Formulas;
-use super::sight::Direct;
-use super::text::written;
+use super::{Formulas, sight::Direct, text::written};
 use crate::{About, Slopes, Task, View, Work};
 
 impl<F: Formulas> Task for F {

@@ -4,10 +4,9 @@ use std::fmt::Write;
 
 use nerd_sim::system::System;
 
-use super::Formulas;
-use super::sight::Recorded;
 use super::sweep::{Ends, sweep};
-use super::tape::{Function, Given, Leaf, Node, Tape, Traced};
+use super::tape::{Given, Leaf, Node, Tape, Traced};
+use super::{Formulas, number::Function, sight::Recorded};
 
 impl std::fmt::Display for Given {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {

@@ -1,13 +1,7 @@
 // A program of the task's text for a machine without a card.
 
-#include <cstdio>
 // From standard input: n and depth; key and first; states, goals, frames, begun, planted faults, actions, rows, the scene. To standard output: what one
 // step makes of them in which nothing moves, and what is planted fails in every frame.
-template <typename T> T* take_in(long long n) {
-    T* all = new T[n + 1]();
-    if ((long long)std::fread(all, sizeof(T), n, stdin) != n) throw 1;
-    return all;
-}
 template <typename T> void put_out(const T* all, long long n) { std::fwrite(all, sizeof(T), n, stdout); }
 int main() {
     const int* head = take_in<int>(2);

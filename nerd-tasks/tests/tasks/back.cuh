@@ -1,13 +1,7 @@
 // A program of the way back through a task's text for a machine without a card.
 
-#include <cstdio>
 // From standard input: n; states, goals, actions, torques, gradients by observations, by torques and by rewards; the scene. To standard output,
 // by environment: slopes of observation, act (and by action) and reward (and by torques).
-template <typename T> T* take_in(long long n) {
-    T* all = new T[n + 1]();
-    if ((long long)std::fread(all, sizeof(T), n, stdin) != n) throw 1;
-    return all;
-}
 int main() {
     const int n = take_in<int>(1)[0];
     double *states = take_in<double>(n * STATE), *goals = take_in<double>(n * GOALS), *actions = take_in<double>(n * ACTIONS);

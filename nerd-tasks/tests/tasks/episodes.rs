@@ -1,7 +1,6 @@
 //! Every task loads, resets and steps on every analytic solver; episodes begin, end and go on as they should.
 
-use nerd_sim::prelude::*;
-use nerd_sim::system::Source;
+use nerd_sim::{prelude::*, system::Source};
 use nerd_tasks::{View, Work, fast_start, named, names};
 
 use crate::{actions, episodes, solver};

@@ -1,12 +1,11 @@
 //! The kernels of tasks against the tasks themselves, without a device: their text is compiled as C++ and run on the CPU.
 
-use nerd_sim::articulated::device::{Reach, record};
-use nerd_sim::prelude::*;
-use nerd_sim::solver::Fault;
+use nerd_sim::{prelude::*, solver::Fault};
 use nerd_tasks::formula::{Formulas, Number, Sight, written};
 use nerd_tasks::{About, Episodes, StepResult, named, names};
 
 use crate::cpp::Compiler;
+use crate::{doubles, recorded};
 
 const N: usize = 64;
 const SEED: u64 = 9;
@@ -66,8 +65,6 @@ struct Made {
 /// The task's kernels on what `episodes` are now.
 fn run(compiler: &Compiler, text: &str, episodes: &Episodes, actions: &[f64], rows: &[f64]) -> Made {
     let (batch, kept) = (&episodes.simulation.batch, episodes.snapshot());
-    let (config, reach) = (ArticulatedConfig::implicit(1, Friction::Coulomb), Reach::of(batch));
-    let scene = record(&batch.scenes[0], &batch.system, &config, reach).expect("a scene with kernels");
     let numbers = |values: &[f64]| values.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>();
     let mut input: Vec<u8> = [N as i32, 2].iter().flat_map(|x| x.to_le_bytes()).collect();
     input.extend(stream(SEED, 0).get_seed());
@@ -76,27 +73,26 @@ fn run(compiler: &Compiler, text: &str, episodes: &Episodes, actions: &[f64], ro
     input.extend(batch.frames.iter().chain(&kept.begun).flat_map(|x| x.to_le_bytes()));
     input.extend((0..N).flat_map(|env| i32::from(env == FAILS).to_le_bytes()));
     input.extend(actions.iter().flat_map(|x| (*x as f32).to_le_bytes()));
-    input.extend([numbers(rows), numbers(&scene)].concat());
+    input.extend([numbers(rows), numbers(&recorded(batch))].concat());
     let output = compiler.run(text, input);
     let (d, joints, row) = (batch.system.robot.state_dim(), batch.system.robot.joint_count(), 2 * episodes.task.observation_dim());
     let mut rest = &output[..];
     let mut take = |n: usize| rest.split_off(..n).expect("as many bytes");
-    let reals = |bytes: &[u8]| bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect::<Vec<f64>>();
     let whole = |bytes: &[u8]| bytes.as_chunks::<8>().0.iter().map(|b| u64::from_le_bytes(*b)).collect::<Vec<u64>>();
     // Torques come first, on which the rewards depend.
     take(8 * N * joints);
     Made {
-        rewards: reals(take(8 * N)),
+        rewards: doubles(take(8 * N)),
         ends: take(N).to_vec(),
-        rows: reals(take(8 * N * row)),
-        cut: reals(take(8 * N * row)),
-        states: reals(take(8 * N * d)),
-        goals: reals(take(8 * kept.goals.len())),
+        rows: doubles(take(8 * N * row)),
+        cut: doubles(take(8 * N * row)),
+        states: doubles(take(8 * N * d)),
+        goals: doubles(take(8 * kept.goals.len())),
         frames: whole(take(8 * N)),
         begun: whole(take(8 * N)),
         // And one that cannot be begun.
         failed: u32::from_le_bytes(take(8)[..4].try_into().expect("four bytes")),
-        reached: reals(take(8 * N * d)),
+        reached: doubles(take(8 * N * d)),
     }
 }
 
@@ -122,7 +118,7 @@ fn every_task_of_formulas_is_the_same_in_kernels() {
         };
         let (mut episodes, actions) = under_way(name, &system);
         let before: Vec<f64> = (0..N * 2 * task.observation_dim()).map(|k| (k as f64 * 0.31).sin()).collect();
-        let made = run(&compiler, &(text + include_str!("alone.cuh")), &episodes, &actions, &before);
+        let made = run(&compiler, &(text + include_str!("given.cuh") + include_str!("alone.cuh")), &episodes, &actions, &before);
         episodes.trace();
         let StepResult { rewards, terminated, truncated, reached, failed, .. } = episodes.step(&actions).expect("it can be stepped");
         let (after, trace) = (episodes.snapshot(), episodes.trace());

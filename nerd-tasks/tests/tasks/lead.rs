@@ -1,9 +1,9 @@
 //! The lead whose tip follows a target: its start is at rest, the target goes on as it should, actions are speeds.
 
 use nerd_sim::prelude::*;
-use nerd_tasks::{Episodes, LeadTip, Task, View, Work};
+use nerd_tasks::{Episodes, LeadTip, Task};
 
-use crate::episodes;
+use crate::{episodes, rewards::Bench};
 
 fn tip(episodes: &Episodes, env: usize) -> [f64; 3] {
     let seen = &episodes.observations()[env * LeadTip.observation_dim()..];
@@ -75,17 +75,14 @@ fn what_is_seen_ahead_is_where_the_target_will_be_and_an_action_of_one_is_a_spee
 
 #[test]
 fn success_is_a_tip_near_its_target() {
-    let system = System::named(LeadTip.robot()).expect("built in");
-    let (scene, mut work, mut goal) = (system.scene("plane").expect("a world"), Work::new(&system), vec![0.0; LeadTip.goal_dim()]);
-    let state = LeadTip.reset(&system, &mut stream(1, 0));
+    let (mut bench, mut goal) = (Bench::new("lead-tip"), vec![0.0; LeadTip.goal_dim()]);
+    let state = LeadTip.reset(&bench.work.system, &mut stream(1, 0));
     LeadTip.draw_goal(&mut stream(2, 0), &mut goal);
-    let mut seen = vec![0.0; LeadTip.observation_dim()];
-    LeadTip.observe(View { state: &state, goal: &goal, scene: &scene }, &mut work, &mut seen);
+    let seen = bench.observe(&state, &goal);
     (0..3).for_each(|k| goal[k] += seen[k]);
-    let on = LeadTip.reward(View { state: &state, goal: &goal, scene: &scene }, &[], &mut work);
+    let on = bench.reward(&state, &goal, &[]);
     goal[1] += 0.04;
-    let view = View { state: &state, goal: &goal, scene: &scene };
-    let (miss, beside) = (LeadTip.miss(view, &mut work).expect("it speaks of success"), LeadTip.reward(view, &[], &mut work));
+    let (miss, beside) = (bench.miss(&state, &goal).expect("it speaks of success"), bench.reward(&state, &goal, &[]));
     assert!((on - 1.0).abs() < 1e-9, "on the target: {on}");
     assert!((miss - 2.0).abs() < 1e-9, "4 cm are twice what may be missed: {miss}");
     let by_hand = 0.7 * (-1.0f64).exp() + 0.3 * (-0.2f64).exp();

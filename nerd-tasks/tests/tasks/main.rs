@@ -10,8 +10,8 @@ mod rewards;
 mod slopes;
 mod steps;
 
-use nerd_sim::prelude::*;
-use nerd_sim::system::Source;
+use nerd_sim::articulated::device::{Reach, record};
+use nerd_sim::{prelude::*, system::Source};
 use nerd_tasks::{Episodes, named};
 
 fn solver(which: &str, system: &System) -> Box<dyn Solver> {
@@ -35,4 +35,27 @@ fn episodes(name: &str, which: &str, n: usize) -> Episodes {
 fn actions(episodes: &Episodes, step: usize) -> Vec<f64> {
     let n = episodes.len() * episodes.task.action_dim();
     (0..n).map(|i| 0.7 * ((i * 37 + step * 11) as f64).sin()).collect()
+}
+
+/// Numbers of a size about 0, always the same.
+fn some(n: usize, seed: usize, size: f64) -> Vec<f64> {
+    (0..n).map(|k| size * (1.7 * (k + 31 * seed) as f64 + 0.3).sin()).collect()
+}
+
+/// Largest difference as a share of the largest expected number; what is not a number is the worst.
+fn apart(found: &[f64], expected: &[f64]) -> f64 {
+    assert_eq!(found.len(), expected.len());
+    let largest = expected.iter().fold(1e-6, |most: f64, x| most.max(x.abs()));
+    let off = found.iter().zip(expected).map(|(a, b)| (a - b).abs() / largest);
+    off.fold(0.0, |most, x| if x > most || x.is_nan() { x } else { most })
+}
+
+/// The first environment's scene as kernels have it.
+fn recorded(batch: &Batch) -> Vec<f64> {
+    let config = ArticulatedConfig::implicit(1, Friction::Coulomb);
+    record(&batch.scenes[0], &batch.system, &config, Reach::of(batch)).expect("a scene with kernels")
+}
+
+fn doubles(bytes: &[u8]) -> Vec<f64> {
+    bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect()
 }

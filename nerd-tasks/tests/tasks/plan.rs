@@ -1,22 +1,26 @@
 //! Planners: what they reach, that each environment is planned for alone, and what the solver that looks ahead remembers.
 
-use std::sync::{Arc, Mutex};
+use std::sync::Mutex;
 
 use nerd_sim::prelude::*;
 use nerd_sim::solver::{Fault, Slopes, commit};
 use nerd_tasks::formula::{Formulas, Number, Sight};
 use nerd_tasks::plan::{Ilqr, IlqrConfig, Mppi, MppiConfig, Planner};
-use nerd_tasks::{About, Episodes, named};
+use nerd_tasks::{About, Episodes, Task, named};
 
 use crate::episodes;
 
 const CONFIG: MppiConfig = MppiConfig { samples: 16, steps: 48, noise: 0.15, hold: 4, temperature: 3.0, rounds: 1, seed: 1 };
 
-/// Environments `first ..` of Cartpole.
-fn cartpole(solver: impl Solver + 'static, first: usize, n: usize) -> Episodes {
+/// Environments `first ..` of a task of Cartpole.
+fn of(task: Box<dyn Task>, solver: impl Solver + 'static, seed: u64, first: usize, n: usize) -> Episodes {
     let system = System::named("cartpole").expect("built in");
     let batch = Batch::new(&system, &system.scene("free").expect("known"), n);
-    Episodes::part(named("cartpole-swingup").expect("registered"), Simulation::new(batch, solver), 3, first)
+    Episodes::part(task, Simulation::new(batch, solver), seed, first)
+}
+
+fn cartpole(solver: impl Solver + 'static, first: usize, n: usize) -> Episodes {
+    of(named("cartpole-swingup").expect("registered"), solver, 3, first, n)
 }
 
 fn quick() -> Articulated {
@@ -158,9 +162,7 @@ impl Formulas for Stop {
 
 /// Environments `first ..` in which a cart is to be stopped.
 fn stops(rail: Rail, first: usize, n: usize) -> Episodes {
-    let system = System::named("cartpole").expect("built in");
-    let batch = Batch::new(&system, &system.scene("free").expect("known"), n);
-    Episodes::part(Box::new(Stop), Simulation::new(batch, rail), 5, first)
+    of(Box::new(Stop), rail, 5, first, n)
 }
 
 #[test]

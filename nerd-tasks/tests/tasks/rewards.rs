@@ -3,27 +3,31 @@
 use nerd_sim::prelude::*;
 use nerd_tasks::{Task, View, Work, named};
 
-struct Bench {
+pub struct Bench {
     task: Box<dyn Task>,
-    scene: std::sync::Arc<Scene>,
-    work: Work,
+    scene: Arc<Scene>,
+    pub work: Work,
 }
 
 impl Bench {
-    fn new(name: &str) -> Self {
+    pub fn new(name: &str) -> Self {
         let task = named(name).expect("registered");
         let system = System::named(task.robot()).expect("built in");
         Self { scene: system.scene(task.scene()).expect("known"), work: Work::new(&system), task }
     }
 
-    fn reward(&mut self, state: &[f64], goal: &[f64], torques: &[f64]) -> f64 {
+    pub fn reward(&mut self, state: &[f64], goal: &[f64], torques: &[f64]) -> f64 {
         self.task.reward(View { state, goal, scene: &self.scene }, torques, &mut self.work)
     }
 
-    fn observe(&mut self, state: &[f64], goal: &[f64]) -> Vec<f64> {
+    pub fn observe(&mut self, state: &[f64], goal: &[f64]) -> Vec<f64> {
         let mut out = vec![f64::NAN; self.task.observation_dim()];
         self.task.observe(View { state, goal, scene: &self.scene }, &mut self.work, &mut out);
         out
+    }
+
+    pub fn miss(&mut self, state: &[f64], goal: &[f64]) -> Option<f64> {
+        self.task.miss(View { state, goal, scene: &self.scene }, &mut self.work)
     }
 
     fn over(&mut self, state: &[f64]) -> bool {

@@ -1,30 +1,17 @@
 //! Slopes of every task that is written in formulas: on the CPU against central differences, in kernels against the CPU.
 
 use nerd_core::tangent::moved;
-use nerd_sim::articulated::device::{Reach, record};
 use nerd_sim::prelude::*;
 use nerd_tasks::formula::{Formulas, Number, Sight};
 use nerd_tasks::{About, Task, View, Work, named, names};
 
 use crate::cpp::Compiler;
-use crate::{actions, episodes};
+use crate::{actions, apart, doubles, episodes, recorded, some};
 
 const N: usize = 12;
 
-/// Numbers about 0, always the same.
-fn some(n: usize, seed: usize) -> Vec<f64> {
-    (0..n).map(|k| (1.7 * (k + 31 * seed) as f64 + 0.3).sin()).collect()
-}
-
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-/// Largest difference as a share of the largest expected number; what is not a number is the worst.
-fn apart(found: &[f64], expected: &[f64]) -> f64 {
-    let largest = expected.iter().fold(1e-6, |most: f64, x| most.max(x.abs()));
-    let off = found.iter().zip(expected).map(|(a, b)| (a - b).abs() / largest);
-    off.fold(0.0, |most, x| if x > most || x.is_nan() { x } else { most })
 }
 
 /// Where a task is looked at.
@@ -126,9 +113,9 @@ fn slopes_of_every_task_are_those_of_differences_and_of_kernels() {
         let place = |env: usize| Place {
             state: played.view(env).state.to_vec(),
             goal: played.view(env).goal.to_vec(),
-            action: some(task.action_dim(), env).iter().map(|a| 0.9 * a).collect(),
-            torques: some(joints, 7 * env).iter().map(|t| 20.0 * t).collect(),
-            by: [task.observation_dim(), joints, 1].map(|n| some(n, 3 + env)),
+            action: some(task.action_dim(), env, 0.9),
+            torques: some(joints, 7 * env, 20.0),
+            by: [task.observation_dim(), joints, 1].map(|n| some(n, 3 + env, 1.0)),
         };
         let places: Vec<Place> = (0..N).map(place).collect();
         let held = system.spec.control.is_some_and(|law| law.ahead);
@@ -144,9 +131,8 @@ fn slopes_of_every_task_are_those_of_differences_and_of_kernels() {
         count += 1;
 
         let Some(compiler) = &compiler else { continue };
-        let text = task.kernels(&system, scene.colliders.len(), true).expect("kernels") + include_str!("back.cuh");
-        let config = ArticulatedConfig::implicit(1, Friction::Coulomb);
-        let scene = record(&scene, &system, &config, Reach::of(&played.simulation.batch)).expect("a scene with kernels");
+        let text =
+            task.kernels(&system, scene.colliders.len(), true).expect("kernels") + include_str!("given.cuh") + include_str!("back.cuh");
         let column = |of: &dyn Fn(&Place) -> &Vec<f64>| places.iter().flat_map(|at| of(at).clone()).collect::<Vec<f64>>();
         let columns = [
             column(&|at| &at.state),
@@ -156,11 +142,10 @@ fn slopes_of_every_task_are_those_of_differences_and_of_kernels() {
             column(&|at| &at.by[0]),
             column(&|at| &at.by[1]),
             column(&|at| &at.by[2]),
-            scene,
+            recorded(&played.simulation.batch),
         ];
         let input = (N as i32).to_le_bytes().into_iter().chain(columns.concat().into_iter().flat_map(f64::to_le_bytes));
-        let output = compiler.run(&text, input.collect());
-        let kernels: Vec<f64> = output.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect();
+        let kernels = doubles(&compiler.run(&text, input.collect()));
         assert_eq!(kernels.len(), N * (3 * wide + task.action_dim() + joints));
         let off = apart(&kernels, &all);
         println!("{name}: kernels {off:.1e} off");

@@ -1,11 +1,5 @@
 // A program of the way back through steps for a machine without a card, in which a solver leaves slopes as they are.
 
-#include <cstdio>
-template <typename T> T* take_in(long long n) {
-    T* all = new T[n + 1]();
-    if ((long long)std::fread(all, sizeof(T), n, stdin) != n) throw 1;
-    return all;
-}
 int main() {
     const int *head = take_in<int>(3), n = head[0], horizon = head[1], rows = head[2], steps = n * horizon, frames = steps * STEP_FRAMES;
     Steps b = {};

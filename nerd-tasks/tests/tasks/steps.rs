@@ -1,12 +1,11 @@
 //! The kernels of the way back through a policy's steps against the task's slopes, without a device: their text is compiled as C++ and run on
 //! the CPU.
 
-use nerd_sim::articulated::device::{Reach, record};
 use nerd_sim::prelude::*;
 use nerd_tasks::{Trace, View, Work, named, names};
 
 use crate::cpp::Compiler;
-use crate::{actions, episodes};
+use crate::{actions, apart, doubles, episodes, recorded, some};
 
 const N: usize = 8;
 const HORIZON: usize = 3;
@@ -16,11 +15,6 @@ const SCALE: f64 = 0.25;
 /// Without slopes, and what the solver could not go on with in the last step.
 const BREAKS: usize = 3;
 const LOST: usize = 4;
-
-/// Numbers about 0, always the same.
-fn some(n: usize, seed: usize, size: f64) -> Vec<f64> {
-    (0..n).map(|k| size * (1.7 * (k + 31 * seed) as f64 + 0.3).sin()).collect()
-}
 
 fn singles(n: usize, seed: usize, size: f64) -> Vec<f32> {
     some(n, seed, size).into_iter().map(|x| x as f32).collect()
@@ -120,13 +114,6 @@ fn on_cpu(task: &dyn nerd_tasks::Task, scene: &Scene, work: &mut Work, trace: &T
     (by_first, by_mean, by_spread)
 }
 
-fn apart(found: &[f64], expected: &[f64]) -> f64 {
-    assert_eq!(found.len(), expected.len());
-    let largest = expected.iter().fold(1e-6, |most: f64, x| most.max(x.abs()));
-    let off = found.iter().zip(expected).map(|(a, b)| (a - b).abs() / largest);
-    off.fold(0.0, |most, x| if x > most || x.is_nan() { x } else { most })
-}
-
 #[test]
 fn steps_are_gone_back_over_in_kernels_as_on_the_cpu() {
     let Some(compiler) = Compiler::find() else { return };
@@ -142,19 +129,19 @@ fn steps_are_gone_back_over_in_kernels_as_on_the_cpu() {
         let (x, scene) = (given(width, a, joints, frames), played.simulation.batch.scenes[0].clone());
         let (mut by_first, mut by_mean, mut by_spread) = on_cpu(&*task, &scene, &mut Work::new(&system), &trace, &x);
 
-        let text = task.kernels(&system, scene.colliders.len(), true).expect("kernels") + include_str!("steps.cuh");
-        let config = ArticulatedConfig::implicit(1, Friction::Coulomb);
-        let numbers = record(&scene, &system, &config, Reach::of(&played.simulation.batch)).expect("a scene with kernels");
-        let doubles =
+        let text =
+            task.kernels(&system, scene.colliders.len(), true).expect("kernels") + include_str!("given.cuh") + include_str!("steps.cuh");
+        let numbers = recorded(&played.simulation.batch);
+        let input =
             [&trace.states, &trace.goals, &trace.torques, &trace.reached, &x.seen, &x.rows, &x.mean, &x.inverse, &x.shares, &x.pushed];
-        let doubles = doubles.into_iter().chain([&numbers]).flatten().flat_map(|x| x.to_le_bytes());
+        let input = input.into_iter().chain([&numbers]).flatten().flat_map(|x| x.to_le_bytes());
         let floats = [&x.drawn, &x.means, &x.by_seen, &x.by_rows].into_iter().flatten().flat_map(|x| x.to_le_bytes());
         let head = [N, HORIZON, ROWS].into_iter().flat_map(|n| (n as i32).to_le_bytes());
         let asked = x.asked.iter().flat_map(|x| x.to_le_bytes());
-        let output = compiler.run(&text, head.chain(doubles).chain(floats).chain(asked).chain(x.ends.iter().copied()).collect());
+        let output = compiler.run(&text, head.chain(input).chain(floats).chain(asked).chain(x.ends.iter().copied()).collect());
 
         let (slope, rest) = output.split_at(8 * N * wide);
-        let slope: Vec<f64> = slope.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect();
+        let mut slope = doubles(slope);
         let words = rest.as_chunks::<4>().0;
         let (said, words) = words.split_at(HORIZON * N * (a + 1));
         let (spread, without) = words.split_at(HORIZON * N * a);
@@ -171,7 +158,6 @@ fn steps_are_gone_back_over_in_kernels_as_on_the_cpu() {
         for (numbers, width) in [(&mut mean, a), (&mut spread, a), (&mut by_mean, a), (&mut by_spread, a), (&mut by_first, wide)] {
             numbers.chunks_mut(width).enumerate().filter(|(i, _)| i % N == BREAKS).for_each(|(_, row)| row.fill(0.0));
         }
-        let mut slope = slope;
         slope[BREAKS * wide..][..wide].fill(0.0);
         let off = [apart(&slope, &by_first), apart(&mean, &by_mean), apart(&spread, &by_spread)];
         println!("{name}: slopes by first states {:.1e}, by means {:.1e}, by spreads {:.1e} off", off[0], off[1], off[2]);

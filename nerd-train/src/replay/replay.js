@@ -1,6 +1,5 @@
-// The painter of pictures in three dimensions. `replay(root, data)` puts a canvas with its controls into the element `root`;
-// `replay.painter(data)` paints single frames. `data` is what `nerd_train::replay::Replay` serialises. The first track is
-// solid, the others are ghosts behind it.
+// The painter of pictures in three dimensions. `replay(root, data)` puts a canvas with its controls into the element `root`; `data` is what
+// `nerd_train::replay::Replay` serialises. The first track is solid, the others are ghosts behind it.
 "use strict";
 const replay = (() => {
   // Vectors, and quaternions x y z w.
@@ -230,5 +229,5 @@ const replay = (() => {
     draw();
     requestAnimationFrame(tick);
   };
-  return Object.assign(replay, { painter });
+  return replay;
 })();

@@ -1,12 +1,9 @@
 //! Options for the simulator that a policy acts in.
 
-use nerd_tasks::named;
+use nerd_lab::experiments::games::arena_of;
 use nerd_train::ppo::Arena;
-use nerd_train::shipped;
 
-use crate::options::MODELS;
-use crate::prelude::*;
-use crate::solvers::SolverName;
+use crate::{options::MODELS, prelude::*, solvers::SolverName};
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct ArenaArgs {
@@ -24,35 +21,16 @@ pub struct ArenaArgs {
 impl ArenaArgs {
     /// The arena of a task; options of the learned solver are refused for another one.
     pub fn of(self, task: &str) -> Result<Arena> {
-        if self.solver != SolverName::Neural {
-            unused(&[("--model", self.model.is_some())], "without --solver neural")?;
-        }
-        if let Some(device) = self.device.filter(|device| device.is_cuda()) {
-            match self.solver {
-                SolverName::Articulated => return on_card(),
-                SolverName::Rapier => bail!("--device {device}: rapier is on the CPU; leave it out, or take --solver articulated"),
-                SolverName::Neural => {}
+        let device = self.device.unwrap_or_default();
+        unused(&[("--model", self.model.is_some() && self.solver != SolverName::Neural)], "without --solver neural")?;
+        match (self.solver, self.model) {
+            (SolverName::Neural, Some(folder)) => Ok(Arena::Model { folder, device }),
+            (SolverName::Neural, None) => arena_of(task, "neural", device),
+            (SolverName::Articulated, _) => arena_of(task, "truth", device),
+            (SolverName::Rapier, _) if device.is_cuda() => {
+                bail!("--device {device}: rapier is on the CPU; leave it out, or take --solver articulated")
             }
+            (SolverName::Rapier, _) => Ok(Arena::Truth(Truth::Rapier)),
         }
-        let truth = match self.solver {
-            SolverName::Articulated => Truth::Articulated,
-            SolverName::Rapier => Truth::Rapier,
-            SolverName::Neural => {
-                let robot = named(task)?.robot();
-                let folder = self.model.unwrap_or_else(|| shipped::model_of_task(task, robot));
-                return Ok(Arena::Model { folder, device: self.device.unwrap_or_default() });
-            }
-        };
-        Ok(Arena::Truth(truth))
     }
-}
-
-#[cfg(feature = "cuda")]
-fn on_card() -> Result<Arena> {
-    Ok(Arena::Card(nerd_model::pick::Setting::Accurate))
-}
-
-#[cfg(not(feature = "cuda"))]
-fn on_card() -> Result<Arena> {
-    bail!("--device cuda needs a build with `--features cuda`")
 }

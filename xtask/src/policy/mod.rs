@@ -9,10 +9,8 @@ mod arena;
 
 use arena::ArenaArgs;
 
-use crate::measure::Conduct;
 use crate::options::{Number, SEEDS};
-use crate::prelude::*;
-use crate::{out, ranks};
+use crate::{measure::Conduct, out, prelude::*, ranks};
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct PolicyArgs {

@@ -1,8 +1,7 @@
 //! The page of all results in a real browser: it opens without an error, loads nothing, and its replays move.
 
-use std::fs::File;
-use std::process::Command;
 use std::time::{Duration, Instant};
+use std::{fs::File, process::Command};
 
 use crate::{Folder, done, text};
 

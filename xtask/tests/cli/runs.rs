@@ -1,8 +1,7 @@
 //! Runs of seconds: what they leave, how they are stopped, continued and refused to others.
 
-use std::path::Path;
 use std::process::{Child, Stdio};
-use std::time::Duration;
+use std::{path::Path, time::Duration};
 
 use crate::{Folder, bytes, command, done, json, refused, text};
 

@@ -4,8 +4,7 @@
 #[cfg(feature = "cuda")]
 mod pace;
 
-use crate::choice::Choice;
-use crate::prelude::*;
+use crate::{choice::Choice, prelude::*};
 
 settings! {
     /// Solvers on a graphics card.

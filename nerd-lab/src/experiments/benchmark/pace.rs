@@ -2,8 +2,7 @@
 
 use nerd_core::state::difference;
 use nerd_sim::articulated::device::Real;
-use nerd_train::device::resident;
-use nerd_train::learner::cuda::Precision;
+use nerd_train::{device::resident, learner::cuda::Precision};
 
 use super::Benchmark;
 use crate::prelude::*;

@@ -2,8 +2,7 @@
 
 use nerd_sim::calibrate::{Distance, Fit, Subject, Trial, distance, mean};
 use nerd_sim::log::{Log, Trajectory};
-use rand::RngExt;
-use rand::seq::SliceRandom;
+use rand::{RngExt, seq::SliceRandom};
 
 use crate::prelude::*;
 

@@ -7,8 +7,7 @@ use nerd_sim::instruments::Replay;
 use super::plan::Plan;
 use super::shown::{Against, Point};
 use crate::mujoco::{Referee, Scheme};
-use crate::prelude::*;
-use crate::roll::begun;
+use crate::{prelude::*, roll::begun};
 use nerd_train::cost::powers;
 
 pub(super) fn referee(python: &Path, Plan { system, scene, protocol: config, .. }: &Plan) -> Result<Referee> {

@@ -11,8 +11,7 @@ mod measure;
 mod plan;
 mod shown;
 
-use crate::choice::Choice;
-use crate::prelude::*;
+use crate::{choice::Choice, prelude::*};
 use nerd_train::cost::on_one_core;
 use plan::Plan;
 

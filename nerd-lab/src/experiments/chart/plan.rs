@@ -1,8 +1,6 @@
 //! What is drawn: a chart's settings, and all that they name.
 
-use crate::choice::describe;
-use crate::prelude::*;
-use crate::roll::refusal;
+use crate::{choice::describe, prelude::*, roll::refusal};
 use nerd_train::cost::powers;
 
 settings! {

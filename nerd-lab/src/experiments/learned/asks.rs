@@ -1,7 +1,6 @@
 //! The rows of a learned model, and their measurement.
 
-use nerd_sim::dataset::Drive;
-use nerd_sim::suite::Row;
+use nerd_sim::{dataset::Drive, suite::Row};
 
 use crate::prelude::*;
 use crate::roll::{begun, idle, rolled};
@@ -20,47 +19,50 @@ pub(super) type Ask = Row<Measure>;
 /// Makes the solver under test for a system like the case's.
 pub(super) type Maker<'a> = dyn Fn(&Arc<System>) -> Result<Box<dyn Solver>> + 'a;
 
+const fn ask(
+    name: &'static str,
+    [figure, unit]: [&'static str; 2],
+    source: &'static str,
+    why: &'static str,
+    limit: f64,
+    measure: Measure,
+) -> Ask {
+    Row { name, figure, unit, source, why, limit, measure }
+}
+
 /// With an error as a share of hold-last's.
 const fn held(name: &'static str, why: &'static str, measure: Measure) -> Ask {
-    let source = "a tenth of what knowing nothing gives";
-    Row { name, figure: "error", unit: "of hold-last's", source, why, limit: 0.1, measure }
+    ask(name, ["error", "of hold-last's"], "a tenth of what knowing nothing gives", why, 0.1, measure)
 }
 
 /// With a difference that may be rounding alone.
 const fn same(name: &'static str, figure: &'static str, why: &'static str, measure: Measure) -> Ask {
-    Row { name, figure, unit: "", source: "rounding of f32", why, limit: 1e-4, measure }
+    ask(name, [figure, ""], "rounding of f32", why, 1e-4, measure)
 }
+
+const FASTER: &str = "50 frames faster than anything in its training data.";
+const PLACE: &str = "The world has no centre: what a robot does depends on what is around it.";
+const FLIGHT: &str = "In the air motion is simple: nothing may be gained or lost.";
 
 pub(super) static ASKS: [Ask; 11] = [
     held("10 frames", "As far as a controller looks ahead.", |c, m| horizon(c, m, 10)),
     held("100 frames", "The paper's horizon.", |c, m| horizon(c, m, 100)),
     held("1000 frames", "As long as an episode: is anything still known then?", |c, m| horizon(c, m, 1000)),
-    Row {
-        name: "gone in 1000 frames",
-        figure: "rollouts that left, of 32",
-        unit: "",
-        source: "none may",
-        why: "A mean hides the one that leaves.",
-        limit: 0.0,
-        measure: gone,
-    },
-    held("velocities x 1.5", "50 frames faster than anything in its training data.", |c, m| outside(c, m, 1.5, 0.0)),
-    held("velocities x 2", "50 frames faster than anything in its training data.", |c, m| outside(c, m, 2.0, 0.0)),
+    ask("gone in 1000 frames", ["rollouts that left, of 32", ""], "none may", "A mean hides the one that leaves.", 0.0, gone),
+    held("velocities x 1.5", FASTER, |c, m| outside(c, m, 1.5, 0.0)),
+    held("velocities x 2", FASTER, |c, m| outside(c, m, 2.0, 0.0)),
     held("random torques", "50 frames driven as in its training data.", |c, m| outside(c, m, 1.0, 1.0)),
     held("torques x 2", "50 frames driven twice as hard.", |c, m| outside(c, m, 1.0, 2.0)),
-    same("moved 100 km", "difference of 20 frames", "The world has no centre: what a robot does depends on what is around it.", |c, m| {
-        moved(c, m, 1e5)
-    }),
+    same("moved 100 km", "difference of 20 frames", PLACE, |c, m| moved(c, m, 1e5)),
     same("history", "after a reset, and after a gap, against fresh", "What it remembers must be of this motion.", history),
-    Row {
-        name: "energy in flight",
-        figure: "change beyond the truth's in 100 frames",
-        unit: "of the largest kinetic",
-        source: "energy is the truth's",
-        why: "In the air motion is simple: nothing may be gained or lost.",
-        limit: 0.05,
-        measure: flight,
-    },
+    ask(
+        "energy in flight",
+        ["change beyond the truth's in 100 frames", "of the largest kinetic"],
+        "energy is the truth's",
+        FLIGHT,
+        0.05,
+        flight,
+    ),
 ];
 
 fn beside(case: &Case, maker: &Maker, steps: usize) -> Result<PassiveReport> {

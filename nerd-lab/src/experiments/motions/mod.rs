@@ -12,8 +12,7 @@ use nerd_sim::instruments::{Glide, Hold};
 use rayon::prelude::*;
 use rollout::{Recorded, Rollout, contact_points, distances};
 
-use crate::choice::describe;
-use crate::prelude::*;
+use crate::{choice::describe, prelude::*};
 use nerd_train::cost::{on_one_core, powers};
 
 settings! {

@@ -7,18 +7,14 @@
 
 mod recorded;
 mod rows;
-mod worth;
 
 use nerd_sim::instruments::Shaken;
 use nerd_train::verdict::{Verdict, verdict};
 
-use crate::choice::Choice;
-use crate::paper;
-use crate::prelude::*;
+use crate::{choice::Choice, error::unused, paper, prelude::*};
 
 pub use recorded::Recorded;
-pub use rows::{Row, Rows};
-pub use worth::unworthy;
+pub use rows::{Row, Rows, unworthy};
 
 settings! {
     /// How passive motion is measured.
@@ -50,22 +46,6 @@ settings! {
         every: Option<usize> = None, Whole(FRAMES);
         /// With --data: evaluations in which the analytic solver is calibrated; 0: it is judged as the robot is described, and no more
         evaluations: usize = 300, Whole(0..=1_000_000);
-    }
-}
-
-impl Protocol {
-    /// Refuses what needs a log where there is none.
-    fn check(&self) -> Result<()> {
-        let usual = Self::default();
-        let idle = [
-            ("--before", self.before.is_some()),
-            ("--every", self.every.is_some()),
-            ("--evaluations", self.evaluations != usual.evaluations),
-        ];
-        match idle.iter().find(|(_, given)| *given) {
-            Some((option, _)) => bail!("{option} means nothing without --data"),
-            None => Ok(()),
-        }
     }
 }
 
@@ -124,8 +104,10 @@ impl Passive {
     pub fn new(name: &str, cases: &[Case]) -> Result<Self> {
         let mut asked = Vec::new();
         for case in cases {
-            case.asked.check()?;
-            let (system, Protocol { starts, frames, seed, drive, .. }) = (System::named(&case.robot)?, case.asked.clone());
+            let Protocol { starts, frames, seed, drive, before, every, evaluations, .. } = case.asked.clone();
+            let evaluated = evaluations != Protocol::default().evaluations;
+            unused(&[("--before", before.is_some()), ("--every", every.is_some()), ("--evaluations", evaluated)], "without --data")?;
+            let system = System::named(&case.robot)?;
             let mut scenes: Vec<&str> = case.asked.scene.iter().map(String::as_str).collect();
             if scenes.is_empty() {
                 scenes = system.usual_scenes();
@@ -175,9 +157,7 @@ impl Passive {
 /// Refuses what says nothing, and what is more than can be borne.
 fn check(case: &Case, truth: Truth, system: &System, scene: &Scene, steps: usize) -> Result<()> {
     let (itself, Protocol { starts, shake, drive, limp, .. }) = (case.solver.is(truth, system, scene), case.asked.clone());
-    if limp && drive != 0.0 {
-        bail!("--limp means nothing beside --drive");
-    }
+    unused(&[("--limp", limp && drive != 0.0)], "beside --drive")?;
     if itself && shake == 0.0 {
         bail!(
             "`{}` against itself is 0 everywhere; name what to measure: --solver neural or rapier, --preset, --friction or --substeps, \

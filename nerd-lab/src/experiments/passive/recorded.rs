@@ -5,7 +5,7 @@ use nerd_train::verdict::Verdict;
 use nerd_train::verdict::recorded::recorded;
 
 use super::Protocol;
-use crate::prelude::*;
+use crate::{error::unused, prelude::*};
 
 pub struct Recorded {
     name: String,
@@ -28,9 +28,7 @@ impl Recorded {
             ("--seed", asked.seed != usual.seed),
             ("--verdict", asked.verdict != usual.verdict),
         ];
-        if let Some((option, _)) = idle.iter().find(|(_, given)| *given) {
-            bail!("{option} means nothing beside --data, whose motion was recorded");
-        }
+        unused(&idle, "beside --data, whose motion was recorded")?;
         let (_, system) = nerd_sim::log::specified(&path)?;
         let model = Model::load(folder, &system, None)?;
         let log = Log::of(&path, &model)?;

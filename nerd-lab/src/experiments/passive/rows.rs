@@ -1,9 +1,11 @@
-//! Results of passive motion, and their tables.
+//! Results of passive motion, their tables, and whether the models that ship have earned their places ([`Verdict`]).
 
+use nerd_model::transformer::Architecture;
 use nerd_train::evaluate::{quantities, summary, summary_names};
 use nerd_train::verdict::Verdict;
 
 use crate::prelude::*;
+use crate::report::{Artifact, Manifest};
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Rows {
@@ -57,16 +59,17 @@ impl Rows {
     pub fn verdicts(&self) -> Option<Table> {
         let verdicts: Vec<&Verdict> = self.rows.iter().filter_map(|r| r.verdict.as_ref()).collect();
         let first = verdicts.first()?;
+        let alike = |same: &dyn Fn(&Verdict) -> bool| verdicts.iter().all(|v| same(v));
         let place = |v: &Verdict| format!("{}, {}", v.robot, v.scene);
         let cells = verdicts.iter().flat_map(|v| v.cells().into_iter().map(|cells| [vec![place(v)], cells].concat()));
         let lines: Vec<String> = verdicts.iter().map(|v| format!("* {}: {}.", place(v), v.line())).collect();
         let note = format!(
             "Error: {}, from {} starts; time and error are of the same steps on one core.\n\n{}",
-            if verdicts.iter().all(|v| v.quantities == first.quantities) { first.quantities.join(" / ") } else { "as above".into() },
-            match verdicts.iter().map(|v| v.protocol.starts).collect::<std::collections::BTreeSet<_>>().into_iter().collect::<Vec<_>>()[..]
-            {
-                [starts] => format!("the first {starts}"),
-                _ => "the first".into(),
+            if alike(&|v| v.quantities == first.quantities) { first.quantities.join(" / ") } else { "as above".into() },
+            if alike(&|v| v.protocol.starts == first.protocol.starts) {
+                format!("the first {}", first.protocol.starts)
+            } else {
+                "the first".into()
             },
             lines.join("\n")
         );
@@ -170,4 +173,27 @@ impl Row {
     fn touches(&self) -> bool {
         self.scene != "free"
     }
+}
+
+/// A line for each model in a folder that no result, or one of its scenes, shows to be worth its network. Models of the reference simulator
+/// are as the paper has them, and cables have no linear map: both are left out.
+pub fn unworthy(manifest: &Manifest, results: &Path, models: &Path) -> Result<Vec<String>> {
+    let measured = manifest.artefact.iter().filter_map(|entry| Artifact::read(results, &entry.name).ok());
+    let measured: Vec<(Artifact, Rows)> = measured.filter_map(|a| a.parse().ok().map(|rows| (a, rows))).collect();
+    let mut lines = Vec::new();
+    for folder in shipped::folders(models, "")? {
+        let (config, input) = (ModelConfig::read(&folder)?, Input::model(&folder)?);
+        if config.truth == Truth::Paper.name() || config.network.architecture == Architecture::Chain {
+            continue;
+        }
+        let own = measured.iter().filter(|(result, _)| result.inputs.0.contains(&input)).flat_map(|(_, rows)| &rows.rows);
+        let own = own.filter(|row| row.model.as_ref() == Some(&input.name())).filter_map(|row| row.verdict.as_ref());
+        let own: Vec<&Verdict> = own.collect();
+        if own.is_empty() {
+            lines.push(format!("{}: no result has a verdict on these weights; `cargo xtask results make passive` does", input.name()));
+        }
+        let short = |v: &&Verdict| Some(format!("{} in {}: {}", input.name(), v.scene, v.shortfall()?));
+        lines.extend(own.iter().find_map(short));
+    }
+    Ok(lines)
 }

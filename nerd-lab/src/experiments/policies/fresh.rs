@@ -3,9 +3,9 @@
 
 use nerd_train::ppo::{PolicyRun, folder};
 
+use super::super::games::arena_of;
 use super::Policies;
-use crate::paper::policy_reward;
-use crate::prelude::*;
+use crate::{paper::policy_reward, prelude::*};
 
 impl Policies {
     fn plan(&self) -> Result<Vec<PolicyRun>> {
@@ -18,7 +18,9 @@ impl Policies {
         for task in tasks {
             let (model, truth) = self.host(&task)?;
             let learned = Arena::Model { folder: model, device: self.device };
-            for (word, arena, seeds) in [("neural", learned, &self.fresh), ("truth", self.home(truth), &self.truth_seeds)] {
+            // On the card, where it can be.
+            let home = if truth == Truth::Articulated { arena_of(&task, "truth", self.device)? } else { Arena::Truth(truth) };
+            for (word, arena, seeds) in [("neural", learned, &self.fresh), ("truth", home, &self.truth_seeds)] {
                 let config = arena.settings(&task, Some(&self.recipe), None)?;
                 for seed in seeds {
                     let out = self.runs.join(format!("{task}-{word}-{seed}"));
@@ -28,15 +30,6 @@ impl Policies {
             }
         }
         Ok(runs)
-    }
-
-    /// Where policies of the truth are trained: on the card, where it can be.
-    fn home(&self, truth: Truth) -> Arena {
-        #[cfg(feature = "cuda")]
-        if self.device.is_cuda() && truth == Truth::Articulated {
-            return Arena::Card(Setting::Accurate);
-        }
-        Arena::Truth(truth)
     }
 
     /// How many policies the protocol has, and what it depends on: they are its own.

@@ -1,11 +1,10 @@
 //! Policies in the truth and in the learned simulator, after the paper's protocol: games under mean actions from the same starts in each,
 //! beside the paper's figures.
 
-use nerd_train::ppo::folder;
-use nerd_train::shipped::from_root;
+use nerd_train::{ppo::folder, shipped::from_root};
 use rayon::prelude::*;
 
-use super::games::{Compared, games, truth_of};
+use super::games::{Compared, depend, games};
 use crate::prelude::*;
 
 mod fresh;
@@ -81,8 +80,7 @@ impl Policies {
     /// Adds what a task's games depend on, in the truth and `learned`.
     fn played(&self, task: &str, learned: bool, inputs: &mut Inputs) -> Result<()> {
         let (model, truth) = self.host(task)?;
-        inputs.add(Input::robot(&*System::named(nerd_tasks::named(task)?.robot())?));
-        inputs.add(truth_of(task, truth)?);
+        depend(inputs, task, truth)?;
         if learned {
             inputs.add(Input::model(&model)?);
         }

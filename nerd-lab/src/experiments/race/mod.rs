@@ -5,7 +5,7 @@
 //! aside, and they are played in the truth after it. A run that was made is not made again, and processes that are given the same command make
 //! each what no other does.
 
-use super::games::{input_of, truth_of};
+use super::games::{depend, input_of};
 use crate::prelude::*;
 
 mod run;
@@ -33,8 +33,7 @@ impl Experiment for Race {
     fn about(&self) -> Result<About> {
         let (mut inputs, runs) = (Inputs::default(), self.plan()?);
         for run in &runs {
-            inputs.add(Input::robot(&*System::named(nerd_tasks::named(&run.task)?.robot())?));
-            inputs.add(truth_of(&run.task, Truth::Articulated)?);
+            depend(&mut inputs, &run.task, Truth::Articulated)?;
             inputs.add(input_of(&run.task, &run.arena)?);
         }
         Ok(About { name: self.name.clone(), seed: self.seed, effort: self.seconds * (self.games * runs.len()) as f64, inputs })

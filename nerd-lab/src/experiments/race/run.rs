@@ -11,6 +11,7 @@ use super::super::games::{Reward, arena_of};
 use super::settings::{AT, Race};
 use crate::error;
 use crate::prelude::*;
+use crate::report::{read_json_of, write_json};
 
 /// What is to be run.
 #[derive(Clone)]
@@ -131,7 +132,7 @@ impl Run {
         let (shape, iterations) = (trainer.state.policy.shape.clone(), trainer.state.iteration);
         let (identity, provenance) = (self.identity()?, Provenance::now(self.seed));
         let done = Done { identity, shape, kept, compiled, seconds: self.seconds, iterations, failed, provenance };
-        write(&self.out.join("run.json"), &serde_json::to_vec_pretty(&done)?)
+        write_json(&self.out.join("run.json"), &done)
     }
 
     fn keep(&self, kept: &mut Vec<Kept>, policies: &mut Vec<Policy>, here: Kept, trainer: &Trainer) {
@@ -143,7 +144,7 @@ impl Run {
 
     /// What came of it, if it was made.
     pub fn done(&self) -> Result<Option<Done>> {
-        let Some(done) = read::<Done>(&self.out.join("run.json"))? else { return Ok(None) };
+        let Some(done) = read_json_of::<Done>(&self.out.join("run.json"))? else { return Ok(None) };
         if done.identity != self.identity()? || done.seconds != self.seconds {
             bail!(
                 "{} holds a run of another solver, of other settings or of {} s: take another --set runs",
@@ -157,7 +158,7 @@ impl Run {
     /// Rewards of its policies in the truth.
     pub fn play(&self, done: &Done, games: usize, seed: u64) -> Result<Vec<Reward>> {
         let path = self.out.join("games.json");
-        if let Some(played) = read::<Played>(&path)?.filter(|played| (played.games, played.seed) == (games, seed)) {
+        if let Some(played) = read_json_of::<Played>(&path)?.filter(|played| (played.games, played.seed) == (games, seed)) {
             return Ok(played.rewards);
         }
         let policies = load_all(&self.out.join("policies.safetensors"), &done.shape, done.kept.len())?;
@@ -171,16 +172,7 @@ impl Run {
         let rewards = policies.par_iter().map(one).collect::<Result<Vec<_>>>()?;
         bar.finish();
         let played = Played { games, seed, rewards };
-        write(&path, &serde_json::to_vec_pretty(&played)?)?;
+        write_json(&path, &played)?;
         Ok(played.rewards)
     }
-}
-
-/// A file as it was written; none that is not there.
-fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<T>> {
-    if !path.exists() {
-        return Ok(None);
-    }
-    let text = nerd_sim::files::read_text(path).map_err(error::file(path))?;
-    Ok(Some(serde_json::from_str(&text).with_context(|| path.display().to_string())?))
 }

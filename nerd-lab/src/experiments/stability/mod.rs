@@ -3,12 +3,7 @@
 mod methods;
 
 #[cfg(feature = "cuda")]
-use std::sync::Arc;
-
-#[cfg(feature = "cuda")]
 use nerd_sim::articulated::device::{CudaArticulated, Real};
-#[cfg(feature = "cuda")]
-use nerd_sim::prelude::{ArticulatedConfig, Friction, Solver};
 use nerd_sim::suite::{Cell, Line, Method, Suite, Verdict};
 
 use crate::prelude::*;
@@ -65,9 +60,7 @@ impl Stability {
         // Settings, and the same with so many times the substeps.
         type Settings = fn(&System, usize) -> ArticulatedConfig;
         let gpu = |name: &str, real: Real, config: Settings| {
-            let at =
-                move |times| move |system: &Arc<System>| -> Box<dyn Solver> { Box::new(CudaArticulated::new(config(system, times), real)) };
-            Method::new(name, at(1)).finer(at(4))
+            methods::articulated(name, config, move |config| -> Box<dyn Solver> { Box::new(CudaArticulated::new(config, real)) })
         };
         let of: [(&str, Settings); 3] = [
             ("accurate", |system, times| ArticulatedConfig::implicit(times * system.spec.substeps, Friction::Coulomb)),
