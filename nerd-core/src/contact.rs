@@ -4,8 +4,7 @@
 //! `d = n . (p0 - p1)` is measured from the point itself (the centre of a sphere or of a capsule's end, a place on a
 //! cylinder's rim, a vertex of a hull), so the surfaces touch at `d = radius`.
 
-use std::f64::consts::TAU;
-use std::sync::Arc;
+use std::{f64::consts::TAU, sync::Arc};
 
 use nalgebra::{Matrix3, Rotation3, UnitVector3, Vector3};
 

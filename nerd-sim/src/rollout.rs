@@ -17,9 +17,8 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use crate::files::FileError;
-use crate::prelude::*;
 use crate::table::{Table, twice};
+use crate::{files::FileError, prelude::*};
 
 /// Largest number of a step: at 1/60 s, four and a half hours.
 pub const FRAMES: usize = 1_000_000;

@@ -1,9 +1,7 @@
 //! CSV files whose columns are found by name, in any order. Errors name file, line and column.
 
-use std::collections::HashSet;
-use std::fs::File;
-use std::hash::Hash;
 use std::path::{Path, PathBuf};
+use std::{collections::HashSet, fs::File, hash::Hash};
 
 use csv::StringRecord;
 

@@ -2,8 +2,7 @@
 
 use nalgebra::{DVector, Vector3};
 
-use super::tree::Inverse;
-use super::{Data, bias, crba, inertias};
+use super::{Data, bias, crba, inertias, tree::Inverse};
 use crate::robot::Robot;
 
 /// Accelerations `M^-1 (tau - c)` into `data.qdd` for torques `tau` and local velocities `qd` (length `nv`). Needs

@@ -4,8 +4,7 @@ use nalgebra::{DMatrix, Matrix3, Vector3};
 
 use super::{Data, velocities};
 use crate::robot::{FixedFrame, Robot};
-use crate::spatial::Motion;
-use crate::velocity::LocalVelocity;
+use crate::{spatial::Motion, velocity::LocalVelocity};
 
 /// The axes in which a Jacobian gives velocities of a frame's origin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,8 +5,7 @@ use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vect
 use super::Data;
 use crate::robot::{Base, Joint, JointKind, Robot};
 use crate::spatial::{Motion, SpatialInertia};
-use crate::state::quaternion;
-use crate::velocity::root_position;
+use crate::{state::quaternion, velocity::root_position};
 
 /// Fills `rotation`, `position` and `axis` of every link for coordinates `q` (length `nq`), from an origin at the root.
 #[inline]

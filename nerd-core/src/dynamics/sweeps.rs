@@ -3,8 +3,7 @@
 use nalgebra::{Matrix6, Vector6};
 
 use super::{Data, TreeFactor};
-use crate::robot::Robot;
-use crate::spatial::Wrench;
+use crate::{robot::Robot, spatial::Wrench};
 
 /// Share of what was added up that rounding may leave of a zero.
 const ROUNDING: f64 = 1e-14;

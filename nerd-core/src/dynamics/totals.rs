@@ -3,9 +3,7 @@
 use nalgebra::Vector3;
 
 use super::{Data, inertias, kinematics, velocities};
-use crate::robot::Robot;
-use crate::spatial::Wrench;
-use crate::velocity::to_local;
+use crate::{robot::Robot, spatial::Wrench, velocity::to_local};
 
 /// Sums over all links at one state.
 #[derive(Clone, Copy, Debug, PartialEq)]

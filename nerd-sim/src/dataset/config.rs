@@ -1,11 +1,8 @@
 //! Settings of a recording: how much, from which starts, driven by what; which part of it.
 
-use std::fmt;
-use std::str::FromStr;
-use std::sync::Arc;
+use std::{fmt, str::FromStr, sync::Arc};
 
-use super::drive::Pilot;
-use super::shard::DatasetError;
+use super::{drive::Pilot, shard::DatasetError};
 use crate::range::{Range, law, within};
 use crate::system::System;
 

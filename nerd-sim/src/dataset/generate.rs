@@ -7,8 +7,7 @@ use super::begin::Begun;
 use super::config::{GenerateConfig, Part};
 use super::manifest::{Manifest, header};
 use super::shard::{DatasetError, FORMAT, Recording, read_shard, sha256_of, write_shard};
-use crate::files::FileError;
-use crate::prelude::*;
+use crate::{files::FileError, prelude::*};
 
 /// Records trajectories `first .. first + count` of the seed with `solver`, which is the truth of this data.
 pub fn record(

@@ -5,9 +5,8 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::begin::begin;
-use super::config::GenerateConfig;
 use super::shard::{DatasetError, Recording, check_format, read_shard, sha256_of};
+use super::{begin::begin, config::GenerateConfig};
 use crate::files::{FileError, read_text};
 use crate::prelude::*;
 

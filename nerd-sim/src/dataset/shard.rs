@@ -7,9 +7,7 @@ use std::path::Path;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use sha2::{Digest, Sha256};
 
-use crate::files::FileError;
-use crate::solver::StepError;
-use crate::system::System;
+use crate::{files::FileError, solver::StepError, system::System};
 
 /// Everything recorded of some trajectories: F frames each, states before and after.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -11,8 +11,7 @@ use rapier3d_f64::prelude::*;
 use super::config::RapierConfig;
 use super::template::{Template, axis, insert_scene};
 use crate::scene::{Scene, from_parry, pose_from_parry, pose_to_parry, to_parry};
-use crate::solver::parallel::Frame;
-use crate::system::System;
+use crate::{solver::parallel::Frame, system::System};
 
 /// A robot's template and a world that is made new every frame.
 pub(super) struct Workspace {

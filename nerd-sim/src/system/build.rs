@@ -4,12 +4,10 @@ use std::collections::{HashMap, HashSet};
 
 use nalgebra::UnitVector3;
 
-use super::derive::stiffen;
-use super::folds::Folds;
-use super::model::Source;
 use super::spec::{ContactSpec, Spec};
 use super::start::{DRAWS, clear_start};
 use super::validate::{RESERVED, check};
+use super::{derive::stiffen, folds::Folds, model::Source};
 use crate::prelude::*;
 
 impl System {

@@ -1,20 +1,18 @@
 //! Systems from names, files and texts.
 
-use std::path::Path;
-use std::sync::Arc;
+use std::{path::Path, sync::Arc};
 
 use nerd_core::robot::{Base, Robot, UrdfError, UrdfRobot};
 use toml::Table;
 
-use super::build::name_columns;
 use super::built_in::{BUILT_IN, CABLES, FOREIGN};
-use super::cable::CableSpec;
 #[cfg(feature = "meshes")]
 use super::derive::touch;
 use super::derive::{derived, floats, plain};
 use super::model::{Source, System, SystemError};
 use super::spec::{Spec, mesh_points};
 use super::validate::check;
+use super::{build::name_columns, cable::CableSpec};
 use crate::files::{FileError, read_text};
 
 impl System {

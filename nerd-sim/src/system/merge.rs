@@ -6,8 +6,7 @@
 use serde::Deserialize;
 use toml::Table;
 
-use super::model::System;
-use super::spec::Spec;
+use super::{model::System, spec::Spec};
 
 impl Spec {
     /// From the text of a file.

@@ -6,9 +6,8 @@ use toml::Table;
 use super::built_in::{BUILT_IN, CABLES, FOREIGN};
 use super::folds::Folds;
 use super::spec::{JointSpec, Spec};
-use crate::files::FileError;
-use crate::prelude::*;
 use crate::scene::{WORLDS, described, world};
+use crate::{files::FileError, prelude::*};
 
 /// Why a system could not be made.
 #[derive(Debug, thiserror::Error)]

@@ -7,8 +7,7 @@ use serde::{Deserialize, Deserializer, Serialize};
 
 use crate::range::{Range, exactly, number};
 use crate::scene::{Material, SceneSpec};
-use crate::system::truth::Truth;
-use crate::system::vary::VarySpec;
+use crate::{system::truth::Truth, system::vary::VarySpec};
 
 /// A robot's TOML file.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]

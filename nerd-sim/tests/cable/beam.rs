@@ -2,8 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::common::*;
-use super::{accurate, cable, nodes};
+use super::{accurate, cable, common::*, nodes};
 
 /// The end (x, z) of a clamped beam of length 1 that bends under its own weight, `c = w L^3 / E I`: `theta'' = c (1 - s) cos theta`, clamped at
 /// s = 0, free at s = 1 (the elastica). Shooting from the clamp, by bisection.

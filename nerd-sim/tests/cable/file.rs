@@ -1,7 +1,6 @@
 use nerd_sim::dataset::begin;
 
-use super::common::*;
-use super::{accurate, nodes};
+use super::{accurate, common::*, nodes};
 
 /// A cable of the usual keys but for a line before `[cable]`, and some in it.
 fn lead(before: &str, within: &str) -> Result<Arc<System>, String> {

@@ -2,8 +2,7 @@
 
 use std::f64::consts::PI;
 
-use super::cable;
-use super::common::*;
+use super::{cable, common::*};
 
 const LINKS: usize = 60;
 

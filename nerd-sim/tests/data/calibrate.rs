@@ -2,9 +2,7 @@
 
 use crate::common::{built_in, line};
 use crate::tossed::{cube, folder, header, text, tosses};
-use nerd_sim::calibrate::*;
-use nerd_sim::log::Log;
-use nerd_sim::prelude::*;
+use nerd_sim::{calibrate::*, log::Log, prelude::*};
 
 /// A cube as described, on its table.
 fn subject(system: &Arc<System>) -> Subject {

@@ -1,10 +1,8 @@
 //! Robots that are described by meshes touch the ground with them.
 
-use std::f64::consts::TAU;
-use std::path::Path;
+use std::{f64::consts::TAU, path::Path};
 
-use nerd_sim::sampling::normal;
-use nerd_sim::scene::foot;
+use nerd_sim::{sampling::normal, scene::foot};
 use rand::RngExt;
 
 use super::common::*;

@@ -3,10 +3,8 @@
 
 use std::path::Path;
 
-use base64::Engine;
-use base64::prelude::BASE64_STANDARD;
-use gltf::buffer::Source;
-use gltf::{Gltf, Mesh, Node};
+use base64::{Engine, prelude::BASE64_STANDARD};
+use gltf::{Gltf, Mesh, Node, buffer::Source};
 use nalgebra::{Matrix4, Point3, Vector3};
 
 use super::file::{DEEPEST, MOST, NODES, bytes_of};
