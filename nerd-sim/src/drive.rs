@@ -18,12 +18,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use nerd_core::robot::{Joint, JointKind};
-use serde::{Deserialize, Serialize};
-
-use crate::range::within;
-use crate::scene::{GRAVITY, points, up};
-use crate::system::{System, stiffness};
+use crate::scene::{points, up};
+use crate::{internal::*, system::stiffness};
 
 /// `tau = kp (target - q) + kd (speed - qd)`, kept within the effort. Beyond the joint's largest velocity
 /// ([`nerd_core::robot::Joint::velocity`]) it does not drive the joint faster still.

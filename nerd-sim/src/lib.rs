@@ -9,6 +9,7 @@ pub mod dataset;
 pub mod drive;
 pub mod files;
 pub mod instruments;
+mod internal;
 #[cfg(feature = "csv")]
 pub mod log;
 pub mod mjcf;

@@ -14,11 +14,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-
+use crate::internal::*;
 use crate::table::{Table, twice};
-use crate::{files::FileError, prelude::*};
 
 /// Largest number of a step: at 1/60 s, four and a half hours.
 pub const FRAMES: usize = 1_000_000;

@@ -1,11 +1,10 @@
 //! Analytic derivatives of inverse and forward dynamics (after Singh, Russell and Wensing, "Efficient Analytical Derivatives of
 //! Rigid-Body Dynamics using Spatial Vector Algebra", RA-L 2022, in one common frame).
 
-use nalgebra::{DMatrix, Matrix3, Matrix6, Vector3};
+use nalgebra::{DMatrix, Matrix6};
 
-use super::{Data, Factor, crba, rnea};
-use crate::robot::Robot;
-use crate::spatial::{Motion, SpatialInertia, Wrench};
+use super::{Factor, crba, rnea};
+use crate::prelude::*;
 
 /// Derivatives of a vector of `nv` numbers, each `nv` by `nv`.
 ///

@@ -1,11 +1,9 @@
 //! A frame's pose and velocity, along the chain of links that carries it: nothing else of the robot is looked at, nothing allocated.
 
-use nalgebra::{Isometry3, Matrix3, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::Rotation3;
 
 use super::kinematics::{hung, root_rotation};
-use crate::robot::{Base, FixedFrame, Robot};
-use crate::spatial::Motion;
-use crate::velocity::{LocalVelocity, root_position};
+use crate::{prelude::*, velocity::root_position};
 
 impl Robot {
     /// Where a frame ([`Robot::frame`]) is in the world at coordinates `q`.

@@ -1,10 +1,9 @@
 //! Jacobians of frames and of the centre of mass.
 
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use nalgebra::DMatrix;
 
-use super::{Data, velocities};
-use crate::robot::{FixedFrame, Robot};
-use crate::{spatial::Motion, velocity::LocalVelocity};
+use super::velocities;
+use crate::prelude::*;
 
 /// The axes in which a Jacobian gives velocities of a frame's origin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,9 +1,7 @@
 //! Mass, momentum and energy of a whole robot: the conserved quantities.
 
-use nalgebra::Vector3;
-
-use super::{Data, inertias, kinematics, velocities};
-use crate::{robot::Robot, spatial::Wrench, velocity::to_local};
+use super::{inertias, velocities};
+use crate::{prelude::*, velocity::to_local};
 
 /// Sums over all links at one state.
 #[derive(Clone, Copy, Debug, PartialEq)]

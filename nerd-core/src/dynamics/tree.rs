@@ -3,8 +3,7 @@
 use nalgebra::{Cholesky, Const, Matrix6, Vector6};
 
 use super::Factor;
-use crate::robot::Robot;
-use crate::spatial::{Motion, Wrench};
+use crate::prelude::*;
 
 /// Solves `(M + sum_i J_i^T K_i J_i + diag e) x = tau` in O(n), where `J_i` is the Jacobian of link i's twist, `K_i` a symmetric 6x6 matrix
 /// (words as in [`crate::spatial`], about `data.origin`) and e a number a DoF.

@@ -1,11 +1,10 @@
 //! The start, scene and drive of a random trajectory.
 
-use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::drive::{Act, Drive, Smooth};
 use super::{config::GenerateConfig, shard::DatasetError};
-use crate::{prelude::*, sampling::scene, vary};
+use crate::{internal::*, sampling::scene, vary};
 
 /// Random trajectories about to begin.
 pub(super) struct Begun {

@@ -1,10 +1,9 @@
 //! Settings of a recording: how much, from which starts, driven by what; which part of it.
 
-use std::{fmt, str::FromStr, sync::Arc};
+use std::{fmt, str::FromStr};
 
 use super::{drive::Pilot, shard::DatasetError};
-use crate::range::{Range, law, within};
-use crate::system::System;
+use crate::internal::*;
 
 /// Most that one shard may take in memory.
 const MOST_GIGABYTES: f64 = 16.0;

@@ -3,10 +3,9 @@
 
 use std::fmt::Debug;
 
-use rand::{Rng, RngExt};
 use rand_chacha::ChaCha8Rng;
 
-use crate::{prelude::*, system::RandomGains};
+use crate::{internal::*, system::RandomGains};
 
 /// Random torques of a system, as in its training data.
 pub struct Drive {

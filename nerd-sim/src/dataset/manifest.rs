@@ -1,14 +1,8 @@
 //! The manifest of a folder of shards.
 
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-
-use serde::{Deserialize, Serialize};
-
 use super::shard::{DatasetError, Recording, check_format, read_shard, sha256_of};
 use super::{begin::begin, config::GenerateConfig};
-use crate::files::{FileError, read_text};
-use crate::prelude::*;
+use crate::{files::read_text, internal::*};
 
 /// `manifest.json` of a folder of shards.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -14,8 +14,7 @@ use frame::Workspace;
 
 pub use config::RapierConfig;
 
-use crate::solver::{Capabilities, Solver, StepError};
-use crate::{batch::Batch, solver::parallel::Parallel};
+use crate::{internal::*, solver::parallel::Parallel};
 
 /// rapier as a [`Solver`]. Remembers nothing of an environment between frames.
 pub struct Rapier {

@@ -1,11 +1,10 @@
 //! Static bodies as parry shapes, the same for every solver, the learned one included. A plane is solved in closed form, never as a mesh.
 
 use nalgebra::Quaternion;
-use nerd_core::robot::ShapeKind;
 use parry3d_f64::math::{Pose, Rotation, Vector as ParryVector};
 use parry3d_f64::shape::SharedShape;
 
-use crate::prelude::*;
+use crate::internal::*;
 
 /// Queries at most that find the deepest place of a disc or hull against what is not flat.
 const SEARCHES: usize = 4;

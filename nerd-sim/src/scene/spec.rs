@@ -1,8 +1,6 @@
 //! Scenes and contact materials in a robot's TOML.
 
-use serde::{Deserialize, Serialize};
-
-use crate::range::{exactly, within};
+use crate::{internal::*, range::exactly};
 
 /// Largest stiffness (N/m) and damping (N s/m).
 const MOST: f64 = 1e12;

@@ -5,13 +5,12 @@
 
 use std::sync::LazyLock;
 
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use parry3d_f64::math::Vector as ParryVector;
 use parry3d_f64::shape::{SharedShape, TriMesh, TriMeshFlags};
 
-use super::collider::{Collider, Plane};
-use super::spec::{Material, PegSpec, PlaneSpec, SceneSpec};
-use super::{Scene, up};
+use super::spec::{PegSpec, PlaneSpec, SceneSpec};
+use super::up;
+use crate::internal::*;
 
 /// Their names.
 pub const WORLDS: [&str; 5] = ["plane", "slope", "box", "steps", "hills"];

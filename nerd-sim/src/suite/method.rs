@@ -1,6 +1,6 @@
 //! The columns: solvers and their settings.
 
-use crate::prelude::*;
+use crate::internal::*;
 
 type Make = Arc<dyn Fn(&Arc<System>) -> Box<dyn Solver> + Send + Sync>;
 

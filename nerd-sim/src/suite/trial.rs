@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 
 use super::method::Method;
-use crate::prelude::*;
+use crate::internal::*;
 
 /// Why the suite, or a row of it, could not be run.
 #[derive(Debug, thiserror::Error)]

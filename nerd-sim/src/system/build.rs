@@ -4,11 +4,10 @@ use std::collections::{HashMap, HashSet};
 
 use nalgebra::UnitVector3;
 
-use super::spec::{ContactSpec, Spec};
 use super::start::{DRAWS, clear_start};
 use super::validate::{RESERVED, check};
-use super::{derive::stiffen, folds::Folds, model::Source};
-use crate::prelude::*;
+use super::{derive::stiffen, folds::Folds, model::Source, spec::ContactSpec};
+use crate::internal::*;
 
 impl System {
     /// From a robot and an unchecked specification.

@@ -3,12 +3,10 @@
 //! SHA-256 over a canonical form: keys in order, numbers as f64 (little-endian, -0 as 0), texts and lists with their
 //! lengths. Comments, white space, the order of keys and tables, and how a number is written change nothing.
 
-use nerd_core::contact::Locus;
-use nerd_core::robot::{Base, Joint, Link, Shape, ShapeKind};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
-use super::model::System;
+use crate::internal::*;
 
 /// Keys of a specification on which no data depends, or that [`System::robot_sha256`] has looked at by what they lead to.
 const ELSEWHERE: [&str; 14] = [

@@ -1,19 +1,13 @@
 //! Systems from names, files and texts.
 
-use std::{path::Path, sync::Arc};
-
-use nerd_core::robot::{Base, Robot, UrdfError, UrdfRobot};
 use toml::Table;
 
 use super::built_in::{BUILT_IN, CABLES, FOREIGN};
 #[cfg(feature = "meshes")]
 use super::derive::touch;
 use super::derive::{derived, floats, plain};
-use super::model::{Source, System, SystemError};
-use super::spec::{Spec, mesh_points};
-use super::validate::check;
-use super::{build::name_columns, cable::CableSpec};
-use crate::files::{FileError, read_text};
+use super::{build::name_columns, cable::CableSpec, model::Source, spec::mesh_points, validate::check};
+use crate::{files::read_text, internal::*};
 
 impl System {
     /// A built-in robot or cable by name, or by path the robot of a URDF file or the cable of a TOML ([`crate::cable`]).

@@ -4,10 +4,9 @@ use nerd_core::robot::MeshFile;
 use toml::Table;
 
 use super::built_in::{BUILT_IN, CABLES, FOREIGN};
-use super::folds::Folds;
-use super::spec::{JointSpec, Spec};
+use super::{folds::Folds, spec::JointSpec};
+use crate::internal::*;
 use crate::scene::{WORLDS, described, world};
-use crate::{files::FileError, prelude::*};
 
 /// Why a system could not be made.
 #[derive(Debug, thiserror::Error)]

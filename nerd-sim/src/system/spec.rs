@@ -1,13 +1,10 @@
 //! The TOML beside a URDF: what URDF cannot say. Unknown keys are refused here, numbers out of range in `validate.rs`. Missing keys may come
 //! from another file (`merge.rs`). Types are in the order in which [`Spec`] names them.
 
-use std::collections::BTreeMap;
+use serde::Deserializer;
 
-use serde::{Deserialize, Deserializer, Serialize};
-
-use crate::range::{Range, exactly, number};
-use crate::scene::{Material, SceneSpec};
-use crate::{system::truth::Truth, system::vary::VarySpec};
+use crate::range::{exactly, number};
+use crate::{internal::*, scene::SceneSpec, system::vary::VarySpec};
 
 /// A robot's TOML file.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]

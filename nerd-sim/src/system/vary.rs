@@ -1,9 +1,6 @@
 //! `[vary]` of a robot's TOML: what differs between environments. [`crate::vary`] draws it.
 
-use nerd_core::robot::Robot;
-use serde::{Deserialize, Serialize};
-
-use crate::range::{Range, law};
+use crate::internal::*;
 
 /// `[vary]`: ranges from which a robot's numbers are drawn, once an environment or a trajectory. What is not there stays as it is.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]

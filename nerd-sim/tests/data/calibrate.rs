@@ -1,8 +1,9 @@
 //! Calibration finds what made the measurements, and says what they do not determine.
 
+use nerd_sim::{calibrate::*, log::Log, prelude::*};
+
 use crate::common::{built_in, line};
 use crate::tossed::{cube, folder, header, text, tosses};
-use nerd_sim::{calibrate::*, log::Log, prelude::*};
 
 /// A cube as described, on its table.
 fn subject(system: &Arc<System>) -> Subject {

@@ -2,9 +2,8 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use rand::RngExt;
-
 use super::*;
+use crate::internal::*;
 use crate::suite::bodies::{chain, slider, universal};
 
 pub(super) static ROWS: [Row; 9] = [

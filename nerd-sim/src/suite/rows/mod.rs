@@ -12,8 +12,8 @@ mod runner;
 
 use super::bodies::{Body, UPRIGHT};
 use super::row::Row;
-use super::trial::{Error, Motion, Trial};
-use crate::prelude::*;
+use super::trial::{Error, Trial};
+use crate::internal::*;
 
 /// All rows, in the order of tables.
 pub(super) fn all() -> impl Iterator<Item = &'static Row> {

@@ -1,9 +1,9 @@
 //! Defaults of a cable whose TOML has only `[cable]`.
 
 use super::spec::{CableSpec, Held};
-use crate::prelude::*;
+use crate::internal::*;
 use crate::system::derive::{between, listed, plain, rounded};
-use crate::system::spec::{RootSpec, RootStart, Spec, StartSpec};
+use crate::system::spec::{RootSpec, RootStart, StartSpec};
 
 /// Share of the diameter by which a cable at rest presses its contacts in.
 const GIVE: f64 = 0.01;

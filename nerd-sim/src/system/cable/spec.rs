@@ -1,9 +1,6 @@
 //! `[cable]` of a TOML.
 
-use nalgebra::{UnitQuaternion, Vector3};
-use serde::{Deserialize, Serialize};
-
-use crate::range::within;
+use crate::internal::*;
 
 /// Most rods: their mass matrix, where one is asked for, takes a gigabyte.
 const MOST: f64 = 3000.0;

@@ -1,14 +1,14 @@
 //! Settings derived from a URDF's numbers where no TOML has them: free base, materials, starts, drives.
 //! `cargo xtask inspect --robot my.urdf` prints all of it as the TOML that could be beside the file.
 
-use std::{collections::BTreeMap, f64::consts::PI, path::Path};
+use std::f64::consts::PI;
 
-use nerd_core::dynamics::{TreeFactor, bias, crba, inertias};
+use nerd_core::dynamics::TreeFactor;
 
 use super::plain::{between, listed, plain, rounded};
 use super::{base::settle, limits::pose, spread::enough, srdf::pose_of};
-use crate::system::spec::{ControlSpec, JointSpec, RandomGains, RandomPlane, RootSpec, RootStart, Spec, StartSpec};
-use crate::{prelude::*, scene::foot};
+use crate::system::spec::{ControlSpec, JointSpec, RandomGains, RandomPlane, RootSpec, RootStart, StartSpec};
+use crate::{internal::*, scene::foot};
 
 /// Share of the robot's extent by which its weight presses its contacts in, borne by four of them; by one, if its base is fixed.
 const GIVE: f64 = 1e-3;
