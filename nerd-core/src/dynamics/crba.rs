@@ -1,8 +1,8 @@
-//! The mass matrix.
+//! The mass matrix, and forward dynamics by it.
 
 use nalgebra::{DVector, Vector3};
 
-use super::{Data, bias, crba, inertias, tree::Inverse};
+use super::{Data, bias, inertias, tree::Inverse};
 use crate::robot::Robot;
 
 /// Mass matrix into `data.mass`, both triangles. Needs `kinematics`; fills `data.inertia`.

@@ -1,4 +1,4 @@
-//! Jacobians of frames and of the centre of mass.
+//! Jacobians of frames and of the centre of mass; a frame's pose and velocity, along the chain of links that carries it.
 
 use nalgebra::{DMatrix, Rotation3};
 

@@ -1,9 +1,9 @@
-//! The mass matrix's inverse along the tree, without the matrix; its sweeps are in `sweeps.rs`.
+//! The mass matrix's inverse along the tree, without the matrix: its factor is filled, solved with, and spread by sweeps.
 
 use nalgebra::{Cholesky, Const, Matrix6, Vector6};
 
-use super::{Data, Factor, TreeFactor};
-use crate::{prelude::*, robot::Robot, spatial::Wrench};
+use super::Factor;
+use crate::prelude::*;
 
 /// Solves `(M + sum_i J_i^T K_i J_i + diag e) x = tau` in O(n), where `J_i` is the Jacobian of link i's twist, `K_i` a symmetric 6x6 matrix
 /// (words as in [`crate::spatial`], about `data.origin`) and e a number a DoF.

@@ -1,4 +1,4 @@
-//! A robot as read from a URDF, with what the file leaves open.
+//! A robot as read from a URDF, with what the file leaves open; why one is refused.
 
 use std::sync::Arc;
 

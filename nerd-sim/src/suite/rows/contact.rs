@@ -1,4 +1,4 @@
-//! Rows of contact: rest, bounces, impacts.
+//! Rows of contact: rest, bounces, impacts; and of friction: one body that slides or rolls.
 
 use super::*;
 

@@ -1,4 +1,4 @@
-//! `[cable]` of a TOML.
+//! `[cable]` of a TOML, and defaults where there is nothing else in it.
 
 use crate::internal::*;
 use crate::system::derive::{between, listed, plain, rounded};

@@ -1,4 +1,4 @@
-//! Convex hulls, and few of their vertices that reach nearly as far in every direction.
+//! Convex hulls, few of their vertices that reach nearly as far in every direction, and rims of those that roll.
 
 use std::f64::consts::{PI, TAU};
 
