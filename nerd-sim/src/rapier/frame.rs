@@ -1,6 +1,6 @@
 //! One frame of one environment.
 
-use nalgebra::Quaternion;
+use nalgebra::{Quaternion, Vector3};
 use rapier3d_f64::prelude::*;
 
 use super::template::{Template, axis, insert_scene};

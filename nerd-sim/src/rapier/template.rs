@@ -2,6 +2,7 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
+use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
 
 use crate::internal::*;

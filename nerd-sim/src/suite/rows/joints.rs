@@ -3,7 +3,6 @@
 use std::f64::consts::FRAC_PI_2;
 
 use super::*;
-use crate::internal::*;
 use crate::suite::bodies::{chain, slider, universal};
 
 pub(super) static ROWS: [Row; 9] = [

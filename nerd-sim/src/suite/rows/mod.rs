@@ -11,7 +11,7 @@ mod runner;
 
 use super::bodies::{Body, UPRIGHT};
 use super::row::Row;
-use super::trial::{Error, Trial};
+use super::trial::{Error, Motion, Trial};
 use crate::internal::*;
 
 /// All rows, in the order of tables.
