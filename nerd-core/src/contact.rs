@@ -200,9 +200,4 @@ impl ContactEvent {
     pub fn none(p0: Vector3<f64>) -> Self {
         Self { p0, p1: Vector3::zeros(), normal: Vector3::zeros(), distance: f64::INFINITY, collider: 0 }
     }
-
-    /// The event, or a zero one if it lies beyond the point's threshold.
-    pub fn masked(&self, point: &ContactPoint) -> Self {
-        if self.distance < point.threshold() { *self } else { Self::default() }
-    }
 }

@@ -5,6 +5,7 @@ use nalgebra::{DMatrix, Matrix6};
 
 use super::{Factor, crba, rnea};
 use crate::prelude::*;
+use crate::spatial::blocks;
 
 /// Derivatives of a vector of `nv` numbers, each `nv` by `nv`.
 ///
@@ -130,13 +131,10 @@ impl Derivatives {
         columns: &[Column],
         data: &Data,
     ) {
-        let part = |x: &[f64], at: usize| Vector3::new(x[at], x[at + 1], x[at + 2]);
-        for k in 0..6 {
-            self.q.column_mut(k).fill(0.0);
-        }
+        self.q.columns_mut(0, 6).fill(0.0);
         for k in 0..3 {
             let e = Vector3::ith(k, 1.0);
-            let turned = [e.cross(&part(qd, 0)), e.cross(&part(qd, 3)), e.cross(&part(qdd, 0)), e.cross(&(part(qdd, 3) - gravity))];
+            let turned = [vector(qd), vector(&qd[3..]), vector(qdd), vector(&qdd[3..]) - gravity].map(|x| e.cross(&x));
             for row in 0..self.q.nrows() {
                 let sum: f64 = (0..3)
                     .map(|m| {
@@ -194,13 +192,4 @@ fn b_matrix(inertia: &SpatialInertia, matrix: &Matrix6<f64>, v: &Motion) -> Matr
     // v x* is minus the transpose of v x.
     let carried = blocks(&-h.ang.cross_matrix(), &-h.lin.cross_matrix(), &-h.lin.cross_matrix(), &Matrix3::zeros());
     (-motion.transpose() * matrix - matrix * motion + carried) * 0.5
-}
-
-fn blocks(a: &Matrix3<f64>, b: &Matrix3<f64>, c: &Matrix3<f64>, d: &Matrix3<f64>) -> Matrix6<f64> {
-    let mut m = Matrix6::zeros();
-    m.fixed_view_mut::<3, 3>(0, 0).copy_from(a);
-    m.fixed_view_mut::<3, 3>(0, 3).copy_from(b);
-    m.fixed_view_mut::<3, 3>(3, 0).copy_from(c);
-    m.fixed_view_mut::<3, 3>(3, 3).copy_from(d);
-    m
 }

@@ -18,6 +18,7 @@ mod kinematics;
 mod ltl;
 mod queries;
 mod rnea;
+mod sweeps;
 mod totals;
 mod tree;
 
@@ -29,9 +30,13 @@ pub use totals::{Totals, totals};
 
 #[doc(hidden)]
 pub use self::{
-    adjoint::Adjoint, adjoint::motions, adjoint::motions_back, adjoint::onto, crba::aba, crba::crba, kinematics::inertias,
-    kinematics::kinematics, kinematics::kinematics_about, kinematics::link_pose, kinematics::point_position, ltl::Factor, rnea::bias,
-    rnea::rnea, rnea::velocities, tree::TreeFactor,
+    adjoint::{Adjoint, motions, motions_back, onto},
+    crba::crba,
+    kinematics::{inertias, kinematics, kinematics_about, link_pose, point_position},
+    ltl::Factor,
+    rnea::{bias, rnea, velocities},
+    sweeps::aba,
+    tree::{Inverse, TreeFactor},
 };
 #[doc(hidden)]
 pub use crate::velocity::{move_twist, root_position, to_local, to_world};

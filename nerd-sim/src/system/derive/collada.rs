@@ -6,7 +6,7 @@ use std::collections::HashMap;
 use nalgebra::{Matrix4, Point3, Rotation3, Unit, Vector3};
 use roxmltree::{Document, Node};
 
-use super::meshes::{DEEPEST, MOST, NODES};
+use super::file::{DEEPEST, MOST, NODES};
 
 /// In metres.
 pub(super) fn vertices(text: &str) -> Result<Vec<Vector3<f64>>, String> {

@@ -5,7 +5,7 @@ use base64::{Engine, prelude::BASE64_STANDARD};
 use gltf::{Gltf, Mesh, Node, buffer::Source};
 use nalgebra::{Matrix4, Point3};
 
-use super::meshes::{DEEPEST, MOST, NODES, bytes_of};
+use super::file::{DEEPEST, MOST, NODES, bytes_of};
 use crate::internal::*;
 
 /// In metres; `path` is the file's, beside which its buffers are.

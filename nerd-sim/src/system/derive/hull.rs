@@ -1,13 +1,9 @@
-//! Convex hulls, few of their vertices that reach nearly as far in every direction, and rims of those that roll.
+//! Convex hulls, and few of their vertices that reach nearly as far in every direction.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 use nalgebra::Vector3;
-use nerd_core::contact::across;
 use parry3d_f64::{math::Vector as ParryVector, transformation::try_convex_hull};
-
-use super::spread::{SHARP, partition, reach};
-use crate::internal::*;
 
 /// Directions, evenly all around, in which reach is compared, besides those of the vertices: some four degrees from each to the next.
 pub(crate) const AROUND: usize = 2000;
@@ -84,43 +80,4 @@ pub(crate) fn hull(points: &[Vector3<f64>]) -> (Vec<Vector3<f64>>, Vec<Vector3<f
     }
     outward.iter_mut().for_each(|n| *n = n.try_normalize(0.0).unwrap_or_default());
     (corners, outward)
-}
-
-/// Share by which what is round reaches less far to one side than to another at most.
-const ROUND: f64 = 0.02;
-/// Most rims of a wheel; fewer if they reach within twice the allowance. And most other points of it.
-const RIMS: usize = 4;
-const BEYOND: usize = 2;
-/// How far (rad) a wheel leans that rolls.
-const CAMBER: f64 = 0.9;
-/// Sides that are compared.
-const SIDES: u32 = 32;
-/// Directions in which a profile's rims are compared.
-const SLOPES: u32 = 256;
-
-/// The contact points of link `link` that `joint` turns: rims, if some points of it are round about the joint's axis, and what reaches beyond
-/// those in directions in which it does not roll.
-pub(crate) fn wheel(link: usize, joint: &Joint, points: &[Vector3<f64>]) -> Option<Vec<ContactPoint>> {
-    let axis = joint.axis();
-    let up = across(axis);
-    let around = |count: u32| (0..count).map(move |k| (TAU * f64::from(k) / f64::from(count)).sin_cos());
-    let side = |(sin, cos): (f64, f64)| {
-        let n = up * cos + axis.cross(&up) * sin;
-        points.iter().map(|p| n.dot(p)).fold(f64::MIN, f64::max)
-    };
-    let [low, high] = around(SIDES).map(side).fold([f64::MAX, f64::MIN], |[low, high], x| [low.min(x), high.max(x)]);
-    if !(high > 0.0 && high - low <= ROUND * high) {
-        return None;
-    }
-    // In the plane of the axis and a radius, between that of corners and that of edges; the largest radius comes first.
-    let mean = 0.5 * (low + high) / high;
-    let profile: Vec<_> = points.iter().map(|p| Vector3::new(axis.dot(p), mean * axis.cross(p).norm(), 0.0)).collect();
-    let outward = around(SLOPES).filter(|(sin, cos)| *cos > CAMBER.cos() && *sin != 0.0).map(|(sin, cos)| Vector3::new(sin, cos, 0.0));
-    let asked = farthest(&profile, outward.chain([Vector3::y()]));
-    let kept = cover(&profile, asked, |_| f64::NEG_INFINITY, 2.0 * allowance(points));
-    let rim = |k: usize| ContactPoint::disc(link, **axis * profile[k].x, *axis, profile[k].y, SHARP);
-    let mut found: Vec<ContactPoint> = kept.into_iter().take(RIMS).flat_map(rim).collect();
-    let beyond = few(points, |n| reach(&found, n), 2.0 * allowance(points) + 0.5 * (high - low));
-    found.extend(partition(link, &beyond, &beyond, SHARP, BEYOND));
-    Some(found)
 }

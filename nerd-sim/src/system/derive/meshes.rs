@@ -5,15 +5,14 @@
 //! folders above the URDF, as `NAME/PATH`, as `PATH` in one that is called NAME, and as `PATH`; then in those of the environment's
 //! `ROS_PACKAGE_PATH`. Every other path begins at the URDF. What cannot be read is passed over, and a note says why.
 
-use std::path::Path;
-
 use nerd_core::robot::{Hull, MeshFile};
 use serde::de::IgnoredAny;
 use serde_ply::PlyReader;
 
-use super::hull::{allowance, few, hull, wheel};
+use super::file::{MOST, bytes_of};
+use super::hull::{allowance, few, hull};
 use super::spread::{SHARP, endless, partition};
-use super::{collada, gltf};
+use super::{collada, gltf, wheel::wheel};
 use crate::internal::*;
 
 /// Share of the allowance within which a link's meshes reach as far as its file says.
@@ -133,25 +132,4 @@ fn find(file: &str, urdf: &Path) -> Option<PathBuf> {
     let packages = std::env::var_os("ROS_PACKAGE_PATH").unwrap_or_default();
     let packages: Vec<PathBuf> = std::env::split_paths(&packages).collect();
     above.chain(packages.iter().map(|folder| folder.join(name).join(rest))).find_map(there)
-}
-
-/// Largest file that is read (bytes).
-const LARGEST: u64 = 1 << 28;
-/// Nodes of a file may be nested this deep.
-pub(super) const DEEPEST: usize = 64;
-/// Most elements of its nodes, and most vertices, what is shown twice counted twice: a short file may ask for 2^64 of them.
-pub(super) const NODES: usize = 1_000_000;
-pub(super) const MOST: usize = 10_000_000;
-
-/// What a file of a bearable size holds.
-pub(super) fn bytes_of(path: &Path) -> Result<Vec<u8>, String> {
-    let about = std::fs::metadata(path).map_err(|e| e.to_string())?;
-    if !about.is_file() || about.len() > LARGEST {
-        return Err(format!("is no file, or has more than {LARGEST} bytes"));
-    }
-    let bytes = std::fs::read(path).map_err(|e| e.to_string())?;
-    if bytes.starts_with(b"version https://git-lfs") {
-        return Err("is a pointer of Git LFS in the file's place; run `git lfs pull` where it comes from".into());
-    }
-    Ok(bytes)
 }

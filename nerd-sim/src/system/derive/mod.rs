@@ -4,6 +4,8 @@ mod base;
 #[cfg(feature = "meshes")]
 mod collada;
 #[cfg(feature = "meshes")]
+mod file;
+#[cfg(feature = "meshes")]
 mod gltf;
 mod guess;
 mod hull;
@@ -13,6 +15,8 @@ mod meshes;
 mod plain;
 mod spread;
 mod srdf;
+#[cfg(feature = "meshes")]
+mod wheel;
 
 pub(crate) use guess::{derived, floats, stiffness};
 pub(crate) use limits::stiffen;
