@@ -111,12 +111,9 @@ pub(crate) fn turned(robot: &Robot, a: &[f64], b: &[f64]) -> Vec<f64> {
 
 /// Velocities that lead from one pose to another: angular and linear of the root in world axes, then joints.
 pub(super) fn rate(robot: &Robot, a: &[f64], b: &[f64], seconds: f64) -> Vec<f64> {
-    let mut out = Vec::new();
-    if robot.floating() {
-        let turn = quaternion(&b[3..7]) * quaternion(&a[3..7]).inverse();
-        out.extend((turn.scaled_axis() / seconds).iter().chain(((vector(b) - vector(a)) / seconds).iter()));
-    }
-    out.extend(turned(robot, a, b).iter().map(|d| d / seconds));
+    let mut out = vec![0.0; robot.nv()];
+    difference(robot, a, b, &mut out);
+    out.iter_mut().for_each(|way| *way /= seconds);
     out
 }
 

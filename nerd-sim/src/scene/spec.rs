@@ -41,13 +41,6 @@ impl Material {
         }
     }
 
-    /// Whether [`Self::check`] has nothing to say.
-    #[inline]
-    pub(crate) fn sound(&self) -> bool {
-        let fits = |x: f64| (0.0..=MOST).contains(&x);
-        fits(self.stiffness) && fits(self.damping) && fits(self.friction_damping) && (0.0..=MOST_FRICTION).contains(&self.friction)
-    }
-
     /// Says which number is out of its range, if one is.
     pub fn check(&self) -> Result<(), String> {
         within("`stiffness`", self.stiffness, 0.0..=MOST, "N/m")?;

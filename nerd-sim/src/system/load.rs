@@ -101,21 +101,6 @@ impl System {
         Self::new(name, read, spec, Source::Derived)
     }
 
-    /// From a robot that was built in code, and the text of a specification; without one as [`System::bare`].
-    pub fn from_robot(robot: Robot, spec: Option<&str>) -> Result<Self, SystemError> {
-        let name = robot.name.clone();
-        let Some(text) = spec else {
-            let spec = plain(&robot);
-            return Self::new(&name, robot, spec, Source::Derived);
-        };
-        let spec = Spec::read(text).map_err(|e| SystemError::spec(&name, e))?;
-        if spec.floating != robot.floating() {
-            let text = format!("floating = {}, but the robot's base is {}", spec.floating, if robot.floating() { "free" } else { "fixed" });
-            return Err(SystemError::Spec(name, text));
-        }
-        Self::new(&name, robot, spec, Source::Specified)
-    }
-
     /// From the text of a URDF alone: gravity along -z, 1/60 s, no torque.
     pub fn bare(name: &str, urdf: &str, floating: bool) -> Result<Self, SystemError> {
         Self::bare_at(name, urdf, floating, None)
