@@ -73,7 +73,6 @@ fn in_its_own_frame_the_root_is_at_zero_and_moves_by_turned_velocities() {
         worst[1] = worst[1].max(gap(&back, &x));
         assert!(robot.floating() || there == x, "a fixed base's joint coordinates do not depend on the frame");
     }
-    println!("own frame: {:.1e}, into a frame and out again: {:.1e}", worst[0], worst[1]);
     assert!(worst.iter().all(|w| *w < 1e-14), "own frame, round trip: {worst:?} off, allowed 1e-14");
 }
 
@@ -94,7 +93,6 @@ fn moving_and_turning_the_world_changes_nothing() {
                 worst = worst.max(gap(&there, &here));
             }
         }
-        println!("world moved by {distance:.0e} m: {worst:.1e}");
         assert!(worst < bound, "a world moved by {distance:.0e} m changes what is seen by {worst:.1e}, allowed {bound:.0e}");
     }
 }

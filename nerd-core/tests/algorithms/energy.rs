@@ -29,7 +29,6 @@ fn mass_matrix_is_the_hessian_of_kinetic_energy() {
         let expected = DMatrix::from_fn(n, n, |i, j| if i == j { diagonal[i] } else { at(i, j) - 0.5 * (diagonal[i] + diagonal[j]) });
         worst = worst.max(gap(data.mass_matrix(&robot, &q).as_slice(), expected.as_slice()));
     }
-    println!("mass matrix: {worst:.1e}");
     assert!(worst < 1e-10, "mass matrix differs from the Hessian of T by {worst:.1e} of the largest entry, allowed 1e-10");
 }
 
@@ -46,7 +45,6 @@ fn gravity_torque_is_the_gradient_of_potential_energy() {
         let gradient: Vec<f64> = (0..n).map(&mut along).collect();
         worst = worst.max(gap(data.gravity_torque(&robot, &q, &GRAVITY).as_slice(), &gradient));
     }
-    println!("gravity: {worst:.1e}");
     assert!(worst < 1e-7, "gravity torques differ from dV/dq by {worst:.1e} of the largest, allowed 1e-7");
 }
 
@@ -68,6 +66,5 @@ fn energy_changes_by_the_work_of_the_torques_alone() {
         let scale = qdd.iter().zip(&qd.0).zip(mass.iter()).fold(work.abs().max(1.0), |m, ((a, v), _)| m.max((a * v).abs()));
         worst = worst.max((gained - work).abs() / scale);
     }
-    println!("power: {worst:.1e}");
     assert!(worst < 1e-6, "energy and work differ by {worst:.1e} of the power exchanged, allowed 1e-6");
 }

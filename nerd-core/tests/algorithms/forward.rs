@@ -38,7 +38,6 @@ fn articulated_bodies_mass_matrix_and_inverse_dynamics_agree() {
             worst[2] = worst[2].max(gap(back.as_slice(), &tau));
         }
     }
-    println!("worst relative difference: dense {:.1e}, sparse {:.1e}, inverse {:.1e}", worst[0], worst[1], worst[2]);
     assert!(worst.iter().all(|w| *w < BOUND), "ABA against dense, sparse and inverse dynamics: {worst:?}, allowed {BOUND:.0e}");
 }
 
@@ -79,7 +78,6 @@ fn moving_the_base_100_km_changes_accelerations_by_rounding_only() {
         let far = qd.into_twist(&robot, &q).into_local(&robot, &q);
         worst = worst.max(gap(&accelerations(&robot, &q, &far, &tau), &near));
     }
-    println!("100 km away: {worst:.1e}");
     assert!(worst < 1e-9, "100 km away accelerations differ by {worst:.1e} of the largest, allowed 1e-9");
 }
 

@@ -20,7 +20,6 @@ fn obeys(name: &str, urdf: &str, closed: impl Fn(&[f64], &[f64], &[f64]) -> ([[f
         worst[0] = worst[0].max(gap(qdd.as_slice(), &expected));
         worst[1] = worst[1].max(gap(data.mass_matrix(&robot, &q).as_slice(), &[a, c, b, d]));
     }
-    println!("{name}: accelerations {:.1e}, mass matrix {:.1e}", worst[0], worst[1]);
     assert!(worst.iter().all(|w| *w < 1e-13), "{name} is off by {worst:?}, allowed 1e-13");
 }
 
@@ -69,6 +68,5 @@ fn a_free_body_obeys_eulers_equations() {
         let push = torque.lin / body.mass + DOWN;
         worst = worst.max(gap(qdd.as_slice(), &[turn.as_slice(), push.as_slice()].concat()));
     }
-    println!("Euler's equations: {worst:.1e}");
     assert!(worst < 1e-13, "Euler's equations are off by {worst:.1e}, allowed 1e-13");
 }

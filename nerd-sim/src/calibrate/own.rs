@@ -6,8 +6,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::bent::Bent;
-use super::descent::descend;
+use super::bent::{Bent, descend};
 use super::fit::{Fit, FitConfig, INSIDE, PASS, STAGES, objective, thinned};
 use super::parameter::{CalibrateError, Parameter};
 use super::subject::Subject;

@@ -1,12 +1,6 @@
 //! What can be fitted, by name.
 
-use nalgebra::Vector3;
-use nerd_core::contact::{ContactPoint, Locus};
-use nerd_core::robot::JointKind;
-
-use crate::scene::GRAVITY;
-use crate::solver::StepError;
-use crate::system::{System, SystemError};
+use crate::prelude::*;
 
 /// Why nothing can be fitted; one line.
 #[derive(Debug, thiserror::Error)]
@@ -96,7 +90,8 @@ pub(super) enum What {
 }
 
 /// Names without a link or joint.
-const PLAIN: &str = "friction, stiffness, damping, friction-damping, rounding, size, restitution, gravity, height, lag, delay, tilt.x, tilt.y";
+const PLAIN: &str =
+    "friction, stiffness, damping, friction-damping, rounding, size, restitution, gravity, height, lag, delay, tilt.x, tilt.y";
 
 impl Parameter {
     /// The parameter of this name, with bounds from the robot's own values and size.
@@ -151,9 +146,13 @@ impl Parameter {
                 (What::Zero(k), 0.0, -most, most, false, unit)
             }
             // Up to what stops a tenth of mass times size squared within a fiftieth of a second.
-            "joint-damping" => joint().map(|(k, j)| braked(What::JointDamping(k), j.damping, 5.0 * size * size * robot.mass(), "N m s/rad"))?,
+            "joint-damping" => {
+                joint().map(|(k, j)| braked(What::JointDamping(k), j.damping, 5.0 * size * size * robot.mass(), "N m s/rad"))?
+            }
             // Up to what holds a tenth of the robot's weight on Earth at its size.
-            "joint-friction" => joint().map(|(k, j)| braked(What::JointFriction(k), j.friction, 0.1 * size * robot.mass() * GRAVITY, "N m"))?,
+            "joint-friction" => {
+                joint().map(|(k, j)| braked(What::JointFriction(k), j.friction, 0.1 * size * robot.mass() * GRAVITY, "N m"))?
+            }
             // Up to a hundredth of mass times size squared.
             "armature" => joint().map(|(k, j)| braked(What::Armature(k), j.armature, 0.01 * size * size * robot.mass(), "kg m^2"))?,
             _ => return Err(unknown()),

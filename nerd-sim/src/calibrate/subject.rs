@@ -1,15 +1,9 @@
 //! A robot in its scene under a solver, with parameters set.
 
-use std::sync::Arc;
-
-use serde::{Deserialize, Serialize};
-
 use super::parameter::{CalibrateError, Parameter, What, round};
-use crate::articulated::{Articulated, ArticulatedConfig, numbers};
-use crate::rapier::{Rapier, RapierConfig};
-use crate::scene::{PlaneSpec, Scene};
-use crate::solver::Solver;
-use crate::system::System;
+use crate::articulated::numbers;
+use crate::internal::*;
+use crate::scene::PlaneSpec;
 
 /// A solver and its settings.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

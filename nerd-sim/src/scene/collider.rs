@@ -74,7 +74,9 @@ impl Collider {
         if let Some(Plane { normal, offset }) = &self.plane {
             if !(unit(normal.norm_squared()) && offset.is_finite()) {
                 let normal = normal.as_slice();
-                return Err(format!("the plane with normal {normal:?} and offset {offset} m: a unit vector and a finite number are needed"));
+                return Err(format!(
+                    "the plane with normal {normal:?} and offset {offset} m: a unit vector and a finite number are needed"
+                ));
             }
         } else {
             let bounds = self.shape.compute_local_aabb();

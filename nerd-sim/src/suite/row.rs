@@ -2,8 +2,7 @@
 
 use std::fmt;
 
-use super::method::Method;
-use super::trial::{Error, Trial};
+use super::trial::{Error, Method, Trial};
 use crate::internal::*;
 
 /// How a row of the suite measures; an error is a scene that could not be made.

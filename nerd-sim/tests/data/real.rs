@@ -60,7 +60,6 @@ fn a_run_tells_its_own_zeros() {
         let fit = fitted.fit(&own, &seen, config, &mut |_, _| ()).expect("a fit");
         apart(&fitted.with(&own, &fit.values).expect("values"))
     });
-    println!("hold {hold:.3}, calibrated {calibrated:.4}, its zeros {zeros:.4}, its zeros and friction {own:.4} ({:.4?})", fit.shared.values);
     assert!(hold > 0.4 && calibrated < 0.2 * hold, "{calibrated} of {hold}");
     assert!(zeros < 0.4 * calibrated && own < 0.4 * calibrated, "{zeros} and {own} of {calibrated}");
 }

@@ -39,7 +39,6 @@ fn controllers_are_the_references() {
             worst = out.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(worst, f64::max);
             rows += 1;
         }
-        println!("{file}: {rows} rows, torques differ by up to {worst:.1e} N m");
         assert!(rows > 100 && worst < 1e-3, "{file}: {rows} rows, torques differ by up to {worst:.1e} N m");
     }
 }
@@ -110,7 +109,6 @@ fn thirty_newtons_move_a_foot_by_a_millimetre_a_second() {
         let system = built_in(name);
         let ground = system.scene(system.usual_scenes().into_iter().find(|s| *s != "free").expect("a ground")).expect("scene");
         let creep = force / ground.colliders[0].material.mean(&system.spec.material).friction_damping;
-        println!("{name}: {creep:.2e} m/s under {force} N");
         assert!(creep < 1.001e-3, "{name}: {creep:.2e} m/s under {force} N");
     }
 }
