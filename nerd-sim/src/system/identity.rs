@@ -38,7 +38,10 @@ impl System {
     pub fn sha256(&self) -> String {
         let mut spec = json!(self.spec);
         if let Some(keys) = spec.as_object_mut() {
-            keys.retain(|key, _| !ELSEWHERE.contains(&key.as_str()));
+            // What came later is left out where it says nothing: a robot without it has the hash it always had.
+            let silent = |key: &str, value: &Value| value.is_null() && ["random_pegs", "smooth", "vary"].contains(&key);
+            keys.retain(|key, value| !ELSEWHERE.contains(&key.as_str()) && !silent(key, value));
+            keys.get_mut("vary").and_then(Value::as_object_mut).into_iter().for_each(|vary| vary.retain(|_, range| !range.is_null()));
         }
         for joint in spec["joint"].as_array_mut().into_iter().flatten().filter_map(Value::as_object_mut) {
             joint.retain(|key, _| !["column", "armature", "limit", "stiffness", "rest"].contains(&key.as_str()));
