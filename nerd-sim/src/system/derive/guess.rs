@@ -115,11 +115,11 @@ pub(crate) fn derived(read: &mut UrdfRobot, path: Option<&Path>, defaults: &BTre
     let joints = robot.joints().zip(&torques).zip(&state[coords..]);
     let mut joints: Vec<JointSpec> = joints.map(|((joint, torque), q)| joint_spec(joint, *torque, *q, [weight, extent], driven)).collect();
     // No URDF has the inertia of rotors, and no motion needs it but that of a joint that nothing else resists.
-    let given = |x: f64| x.is_finite() && x > 0.0;
     for (joint, spec) in
         bare(robot, BARE * robot.mass() * extent * extent).into_iter().zip(&mut joints).filter_map(|(bare, spec)| Some((bare?, spec)))
     {
-        spec.armature = if given(joint.effort) && given(joint.velocity) { rounded(joint.effort * START / joint.velocity) } else { 0.0 };
+        spec.armature =
+            if joint.effort.is_finite() && joint.velocity.is_finite() { rounded(joint.effort * START / joint.velocity) } else { 0.0 };
     }
     let guessed = joints.iter().filter(|j| j.armature > 0.0).map(|j| format!("{} {}", j.name, j.armature)).collect::<Vec<_>>().join(", ");
     if !guessed.is_empty() {
@@ -205,7 +205,7 @@ fn joint_spec(joint: &Joint, torque: f64, default: f64, [weight, extent]: [f64; 
         None if slides => (-extent, extent),
         None => (-PI, PI),
     };
-    let fast = if joint.velocity > 0.0 { FAST.min(0.5 * joint.velocity) } else { FAST };
+    let fast = FAST.min(0.5 * joint.velocity);
     // A robot that stands starts near its pose; an arm anywhere.
     let (wide, near) = (if driven { 0.3 } else { 2.0 * PI }, 0.1);
     let reach = |turn: f64| if slides { turn.min(1.0) * extent } else { turn };
@@ -213,8 +213,7 @@ fn joint_spec(joint: &Joint, torque: f64, default: f64, [weight, extent]: [f64; 
         let Range { low: a, high: b } = between(default - reach(turn), default + reach(turn));
         Range { low: a.clamp(low, high), high: b.clamp(low, high) }
     };
-    let given = |x: f64| x.is_finite() && x > 0.0;
-    let effort = if given(joint.effort) { joint.effort } else { gain };
+    let effort = if joint.effort.is_finite() { joint.effort } else { gain };
     JointSpec {
         name: joint.name.clone(),
         default,
@@ -269,6 +268,5 @@ fn torques(robot: &Robot) -> Vec<f64> {
             *most = most.max(holds + LIVELY * data.mass[(dofs + i, dofs + i)]);
         }
     }
-    let within = |(joint, most): (&Joint, &f64)| if joint.effort > 0.0 { rounded(*most).min(joint.effort) } else { rounded(*most) };
-    robot.joints().zip(&most).map(within).collect()
+    robot.joints().zip(&most).map(|(joint, most)| rounded(*most).min(joint.effort)).collect()
 }

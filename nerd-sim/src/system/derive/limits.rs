@@ -60,8 +60,7 @@ fn least_inertias(robot: &Robot) -> Vec<f64> {
 
 /// Coordinates of the `k`-th pose: zero or the nearest to it, then places within the ranges that fill them evenly.
 pub(crate) fn pose(robot: &Robot, k: usize) -> Vec<f64> {
-    let mut q = robot.zero_state();
-    q.truncate(robot.nq());
+    let mut q = robot.neutral();
     let ends = |joint: &Joint| match joint.limit {
         Some(Limit { lower, upper, .. }) => (lower, upper),
         None if joint.kind == JointKind::Prismatic => (-1.0, 1.0),
