@@ -4,8 +4,7 @@
 use nalgebra::{DMatrix, Matrix6};
 
 use super::{Factor, crba, rnea};
-use crate::prelude::*;
-use crate::spatial::blocks;
+use crate::{prelude::*, spatial::blocks};
 
 /// Derivatives of a vector of `nv` numbers, each `nv` by `nv`.
 ///

@@ -11,8 +11,7 @@ use rayon::prelude::*;
 use super::parameter::{CalibrateError, Parameter, What};
 use super::subject::{Engine, Subject};
 use super::trial::{Distance, Trial};
-use crate::log::turned;
-use crate::prelude::*;
+use crate::{log::turned, prelude::*};
 
 /// Places over which starts are differenced.
 const SIDE: f64 = 1e-5;

@@ -1,9 +1,7 @@
 //! A robot in its scene under a solver, with parameters set.
 
 use super::parameter::{CalibrateError, Parameter, What, round};
-use crate::articulated::numbers;
-use crate::internal::*;
-use crate::scene::PlaneSpec;
+use crate::{articulated::numbers, internal::*, scene::PlaneSpec};
 
 /// A solver and its settings.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

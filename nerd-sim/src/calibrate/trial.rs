@@ -2,8 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::parameter::CalibrateError;
-use super::subject::Subject;
+use super::{parameter::CalibrateError, subject::Subject};
 use crate::internal::*;
 use crate::log::{Log, Trajectory, turned};
 

@@ -19,8 +19,7 @@ pub use data::{Log, LogError, Trajectory};
 pub use read::{specified, tables};
 pub use spec::{LogSpec, Published};
 
-use crate::dataset::Recording;
-use crate::internal::*;
+use crate::{dataset::Recording, internal::*};
 
 /// Between two rows lie at most so many frames.
 const FEW: f64 = 100.0;

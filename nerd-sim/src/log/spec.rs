@@ -1,8 +1,7 @@
 //! The TOML beside a table of measurements: which column is what, in which unit and frame.
 
 use nalgebra::{Quaternion, UnitQuaternion};
-use serde::de::Error;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, de::Error};
 
 /// One file of measurements.
 ///

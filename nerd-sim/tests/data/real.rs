@@ -2,9 +2,7 @@
 
 use std::path::Path;
 
-use nerd_sim::calibrate::*;
-use nerd_sim::log::Log;
-use nerd_sim::prelude::*;
+use nerd_sim::{calibrate::*, log::Log, prelude::*};
 
 /// What runs share.
 const SHARED: [&str; 10] = [
