@@ -4,8 +4,7 @@
 //! `d = n . (p0 - p1)` is measured from the point itself (the centre of a sphere or of a capsule's end, a place on a
 //! cylinder's rim, a vertex of a hull), so the surfaces touch at `d = radius`.
 
-use std::f64::consts::TAU;
-use std::sync::Arc;
+use std::{f64::consts::TAU, sync::Arc};
 
 use nalgebra::{Matrix3, Rotation3, UnitVector3, Vector3};
 
@@ -200,10 +199,5 @@ impl ContactEvent {
     /// No scene within reach.
     pub fn none(p0: Vector3<f64>) -> Self {
         Self { p0, p1: Vector3::zeros(), normal: Vector3::zeros(), distance: f64::INFINITY, collider: 0 }
-    }
-
-    /// The event, or a zero one if it lies beyond the point's threshold.
-    pub fn masked(&self, point: &ContactPoint) -> Self {
-        if self.distance < point.threshold() { *self } else { Self::default() }
     }
 }

@@ -189,13 +189,17 @@ impl SpatialInertia {
     /// The same as a matrix, `[[I, h x], [-h x, m 1]]` with h the first moment.
     pub fn matrix(&self) -> Matrix6<f64> {
         let h = self.moment.cross_matrix();
-        let mut m = Matrix6::zeros();
-        m.fixed_view_mut::<3, 3>(0, 0).copy_from(&self.inertia);
-        m.fixed_view_mut::<3, 3>(0, 3).copy_from(&h);
-        m.fixed_view_mut::<3, 3>(3, 0).copy_from(&h.transpose());
-        m.fixed_view_mut::<3, 3>(3, 3).copy_from(&Matrix3::from_diagonal_element(self.mass));
-        m
+        blocks(&self.inertia, &h, &h.transpose(), &Matrix3::from_diagonal_element(self.mass))
     }
+}
+
+/// `[[a, b], [c, d]]`.
+pub(crate) fn blocks(a: &Matrix3<f64>, b: &Matrix3<f64>, c: &Matrix3<f64>, d: &Matrix3<f64>) -> Matrix6<f64> {
+    let mut m = Matrix6::zeros();
+    for (block, at) in [(a, (0, 0)), (b, (0, 3)), (c, (3, 0)), (d, (3, 3))] {
+        m.fixed_view_mut::<3, 3>(at.0, at.1).copy_from(block);
+    }
+    m
 }
 
 impl AddAssign for SpatialInertia {

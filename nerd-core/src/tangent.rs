@@ -4,12 +4,7 @@
 
 use nalgebra::Quaternion;
 
-use crate::contact::{ContactEvent, ContactPoint, Locus};
-use crate::dynamics::{onto, point_position};
-use crate::frames::own_velocity;
-use crate::prelude::*;
-use crate::spatial::Wrench;
-use crate::state::wrap_state;
+use crate::{dynamics::onto, frames::own_velocity, prelude::*, state::wrap_state};
 
 /// Writes to `out` the state to which `change` leads from `state`; to first order in it the inverse of [`difference`].
 pub fn moved(robot: &Robot, state: &[f64], change: &[f64], out: &mut [f64]) {

@@ -1,6 +1,6 @@
 //! A batch: n environments of one system, each with its own scene.
 
-use crate::prelude::*;
+use crate::internal::*;
 
 /// Why a batch cannot say or do what it is asked.
 #[derive(Debug, thiserror::Error)]

@@ -1,8 +1,6 @@
 //! Controllers: actions in [-1, 1] to joint torques, once a frame, outside any solver.
 
-use nerd_core::dynamics::{Factor, bias, crba, to_local};
-
-use crate::prelude::*;
+use crate::internal::*;
 
 /// A system's own controller: torque, or joint position by a PD law. An action has one entry a joint.
 #[derive(Clone, Debug)]

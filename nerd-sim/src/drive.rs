@@ -18,12 +18,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use nerd_core::robot::{Joint, JointKind};
-use serde::{Deserialize, Serialize};
-
-use crate::range::within;
-use crate::scene::{GRAVITY, points, up};
-use crate::system::{System, stiffness};
+use crate::scene::{points, up};
+use crate::{internal::*, system::stiffness};
 
 /// `tau = kp (target - q) + kd (speed - qd)`, kept within the effort. Beyond the joint's largest velocity
 /// ([`nerd_core::robot::Joint::velocity`]) it does not drive the joint faster still.
@@ -80,17 +76,12 @@ pub fn holding(system: &System, state: &[f64]) -> Vec<Drive> {
     let weight = robot.mass() * if gravity > 0.0 { gravity } else { GRAVITY };
     let kp = |joint: &Joint| stiffness(weight, extent, joint.kind == JointKind::Prismatic);
     let joints = robot.joints().zip(&state[robot.root_coords()..]);
-    joints.map(|(joint, q)| Drive { kp: kp(joint), kd: kp(joint) / 20.0, target: *q, speed: 0.0, effort: effort(joint) }).collect()
+    joints.map(|(joint, q)| Drive { kp: kp(joint), kd: kp(joint) / 20.0, target: *q, speed: 0.0, effort: joint.effort }).collect()
 }
 
 /// Drives with the gains of a robot's specification (`kp`, `kd`), one a joint, at its default position; none if it has no gains.
 pub fn specified(system: &System) -> Vec<Drive> {
     let joints = system.joint_specs().zip(system.robot.joints());
-    let drives = joints.map(|(s, joint)| Drive { kp: s.kp, kd: s.kd, target: s.default, speed: 0.0, effort: effort(joint) });
+    let drives = joints.map(|(s, joint)| Drive { kp: s.kp, kd: s.kd, target: s.default, speed: 0.0, effort: joint.effort });
     if system.joint_specs().any(|s| s.kp > 0.0 || s.kd > 0.0) { drives.collect() } else { Vec::new() }
-}
-
-/// A joint without an effort limit has no bound.
-fn effort(joint: &Joint) -> f64 {
-    if joint.effort > 0.0 { joint.effort } else { f64::INFINITY }
 }

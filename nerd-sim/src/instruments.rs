@@ -26,10 +26,7 @@
 
 use std::time::{Duration, Instant};
 
-use crate::batch::Batch;
-use crate::sampling::{normal, stream};
-use crate::solver::{Solver, StepError, commit};
-use crate::system::System;
+use crate::{internal::*, sampling::normal, solver::commit};
 
 /// Adds up the time its solver takes, and nothing else's.
 #[derive(Clone, Debug)]

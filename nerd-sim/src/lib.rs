@@ -9,6 +9,7 @@ pub mod dataset;
 pub mod drive;
 pub mod files;
 pub mod instruments;
+mod internal;
 #[cfg(feature = "csv")]
 pub mod log;
 pub mod mjcf;
@@ -40,9 +41,6 @@ pub mod prelude {
 
     pub use crate::articulated::{Articulated, ArticulatedConfig, ContactStep, Friction, Integrator, Refresh};
     pub use crate::batch::{Batch, BatchError};
-    pub use crate::control::Controller;
-    pub use crate::drive::Drive;
-    pub use crate::range::Range;
     #[cfg(feature = "rapier")]
     pub use crate::rapier::{Rapier, RapierConfig};
     pub use crate::sampling::{Start, start, stream};
@@ -50,4 +48,5 @@ pub mod prelude {
     pub use crate::solver::{Capabilities, Simulation, Solver, StepError};
     pub use crate::system::{System, SystemError};
     pub use crate::truth::Truth;
+    pub use crate::{control::Controller, drive::Drive, range::Range};
 }

@@ -4,10 +4,7 @@
 //! Limits are our spring and damper (see `limit`); contacts are MuJoCo's own, soft constraints with its default
 //! settings, with the friction of the pair. What it would need a mesh for is refused.
 
-use nerd_core::dynamics::{Factor, crba};
-use nerd_core::robot::ShapeKind;
-
-use crate::prelude::*;
+use crate::internal::*;
 
 /// Why a system cannot be written for MuJoCo; one line.
 #[derive(Debug, thiserror::Error)]

@@ -1,11 +1,9 @@
 //! Sampling ranges written as text: `U(a, b)` with numbers like `3.5`, `-2pi`, `5pi/9`.
 
-use std::fmt;
-use std::ops::RangeInclusive;
+use std::{fmt, ops::RangeInclusive};
 
 use rand::{Rng, RngExt};
-use serde::de::Error;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, de::Error};
 
 /// A uniform distribution on `[low, high)`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize, Serialize)]

@@ -14,11 +14,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-
-use crate::files::FileError;
-use crate::prelude::*;
+use crate::internal::*;
 use crate::table::{Table, twice};
 
 /// Largest number of a step: at 1/60 s, four and a half hours.

@@ -2,13 +2,12 @@
 
 use rand::{Rng, RngExt};
 
-use crate::prelude::*;
-use crate::random::direction;
 pub use crate::random::{normal, stream};
 use crate::scene::{PegSpec, peg, place};
 pub use crate::system::Start;
 use crate::system::start::{clear_start, draw, write_twist};
 use crate::system::{RandomPegs, RandomPlane, RootStart};
+use crate::{internal::*, random::direction};
 
 /// Rounds of draws after which a start that is not clear is taken: a specification that was changed since its system was made may have
 /// none.

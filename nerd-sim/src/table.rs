@@ -1,13 +1,10 @@
 //! CSV files whose columns are found by name, in any order. Errors name file, line and column.
 
-use std::collections::HashSet;
-use std::fs::File;
-use std::hash::Hash;
-use std::path::{Path, PathBuf};
+use std::{collections::HashSet, fs::File, hash::Hash};
 
 use csv::StringRecord;
 
-use crate::files::FileError;
+use crate::internal::*;
 
 /// How far a quaternion's length may be from 1: digits are cut in files.
 const UNIT: f64 = 1e-3;

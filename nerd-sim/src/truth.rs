@@ -1,6 +1,6 @@
 //! The solvers of [`Truth`], from which models learn.
 
-use crate::prelude::*;
+use crate::internal::*;
 #[cfg(feature = "rapier")]
 use crate::rapier::{Rapier, RapierConfig};
 #[cfg(feature = "rapier")]

@@ -13,9 +13,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-use rand::Rng;
-
-use crate::prelude::*;
+use crate::internal::*;
 pub use crate::system::vary::VarySpec;
 
 /// A system with numbers drawn from the ranges of its `[vary]`, itself where it has none; and what was drawn, by [`columns`].

@@ -5,11 +5,7 @@
 //! `dS_i = D_i x S_i`, and an inertia, `dI = D x* I - I D x`; a gradient by `D_i` is a load. A floating root's own numbers are in fixed axes, which do
 //! not turn with it, about its own origin, which they follow: so of its load the moment is its slope by a turn (world axes), and no more is.
 
-use nalgebra::Vector3;
-
-use super::Data;
-use crate::robot::Robot;
-use crate::spatial::{Motion, Wrench};
+use crate::prelude::*;
 
 /// Motions `J_i x` of all links at rates `x` of the DoFs (length `nv`). Needs `kinematics`.
 #[inline]

@@ -1,10 +1,9 @@
 //! Working memory of the algorithms for one robot.
 
-use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use nalgebra::{DMatrix, DVector};
 
 use super::tree::Inverse;
-use crate::robot::Robot;
-use crate::spatial::{Motion, SpatialInertia, Wrench};
+use crate::prelude::*;
 
 /// Working memory for one robot, made once. Its methods are correct for the coordinates that they are given, whatever was called before;
 /// what they lend is overwritten by the next call, and where they lend they do not allocate:

@@ -1,11 +1,10 @@
 //! Analytic derivatives of inverse and forward dynamics (after Singh, Russell and Wensing, "Efficient Analytical Derivatives of
 //! Rigid-Body Dynamics using Spatial Vector Algebra", RA-L 2022, in one common frame).
 
-use nalgebra::{DMatrix, Matrix3, Matrix6, Vector3};
+use nalgebra::{DMatrix, Matrix6};
 
-use super::{Data, Factor, crba, rnea};
-use crate::robot::Robot;
-use crate::spatial::{Motion, SpatialInertia, Wrench};
+use super::{Factor, crba, rnea};
+use crate::{prelude::*, spatial::blocks};
 
 /// Derivatives of a vector of `nv` numbers, each `nv` by `nv`.
 ///
@@ -131,13 +130,10 @@ impl Derivatives {
         columns: &[Column],
         data: &Data,
     ) {
-        let part = |x: &[f64], at: usize| Vector3::new(x[at], x[at + 1], x[at + 2]);
-        for k in 0..6 {
-            self.q.column_mut(k).fill(0.0);
-        }
+        self.q.columns_mut(0, 6).fill(0.0);
         for k in 0..3 {
             let e = Vector3::ith(k, 1.0);
-            let turned = [e.cross(&part(qd, 0)), e.cross(&part(qd, 3)), e.cross(&part(qdd, 0)), e.cross(&(part(qdd, 3) - gravity))];
+            let turned = [vector(qd), vector(&qd[3..]), vector(qdd), vector(&qdd[3..]) - gravity].map(|x| e.cross(&x));
             for row in 0..self.q.nrows() {
                 let sum: f64 = (0..3)
                     .map(|m| {
@@ -195,13 +191,4 @@ fn b_matrix(inertia: &SpatialInertia, matrix: &Matrix6<f64>, v: &Motion) -> Matr
     // v x* is minus the transpose of v x.
     let carried = blocks(&-h.ang.cross_matrix(), &-h.lin.cross_matrix(), &-h.lin.cross_matrix(), &Matrix3::zeros());
     (-motion.transpose() * matrix - matrix * motion + carried) * 0.5
-}
-
-fn blocks(a: &Matrix3<f64>, b: &Matrix3<f64>, c: &Matrix3<f64>, d: &Matrix3<f64>) -> Matrix6<f64> {
-    let mut m = Matrix6::zeros();
-    m.fixed_view_mut::<3, 3>(0, 0).copy_from(a);
-    m.fixed_view_mut::<3, 3>(0, 3).copy_from(b);
-    m.fixed_view_mut::<3, 3>(3, 0).copy_from(c);
-    m.fixed_view_mut::<3, 3>(3, 3).copy_from(d);
-    m
 }

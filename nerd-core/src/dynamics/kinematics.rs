@@ -1,12 +1,8 @@
 //! Forward kinematics: link frames, joint axes and, for those who need them, inertias about the root, from `q`.
 
-use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Rotation3, Translation3};
 
-use super::Data;
-use crate::robot::{Base, Joint, JointKind, Robot};
-use crate::spatial::{Motion, SpatialInertia};
-use crate::state::quaternion;
-use crate::velocity::root_position;
+use crate::{prelude::*, velocity::root_position};
 
 /// Fills `rotation`, `position` and `axis` of every link for coordinates `q` (length `nq`), from an origin at the root.
 #[inline]

@@ -9,12 +9,10 @@
 //! what their docs name to be called before, and allocate nothing. A floating root's first six accelerations are there spatial ones,
 //! `(w_dot, p_ddot - w x p_dot)`.
 
-mod aba;
 mod adjoint;
 mod crba;
 mod data;
 mod derivatives;
-mod frame;
 mod jacobian;
 mod kinematics;
 mod ltl;
@@ -31,19 +29,14 @@ pub use queries::NoInertia;
 pub use totals::{Totals, totals};
 
 #[doc(hidden)]
-pub use aba::aba;
-#[doc(hidden)]
-pub use adjoint::{Adjoint, motions, motions_back, onto};
-#[doc(hidden)]
-pub use crba::crba;
-#[doc(hidden)]
-pub use kinematics::{inertias, kinematics, kinematics_about, link_pose, point_position};
-#[doc(hidden)]
-pub use ltl::Factor;
-#[doc(hidden)]
-pub use rnea::{bias, rnea, velocities};
-#[doc(hidden)]
-pub use tree::TreeFactor;
-
+pub use self::{
+    adjoint::{Adjoint, motions, motions_back, onto},
+    crba::crba,
+    kinematics::{inertias, kinematics, kinematics_about, link_pose, point_position},
+    ltl::Factor,
+    rnea::{bias, rnea, velocities},
+    sweeps::aba,
+    tree::{Inverse, TreeFactor},
+};
 #[doc(hidden)]
 pub use crate::velocity::{move_twist, root_position, to_local, to_world};

@@ -6,9 +6,7 @@
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::{Data, Derivatives, Factor, aba, crba, kinematics, rnea};
-use crate::robot::Robot;
-use crate::state::vector;
-use crate::velocity::LocalVelocity;
+use crate::{robot::Robot, state::vector, velocity::LocalVelocity};
 
 /// No accelerations: something has no inertia.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]

@@ -1,10 +1,7 @@
 //! Inverse dynamics.
 
-use nalgebra::Vector3;
-
-use super::{Data, motions};
-use crate::robot::Robot;
-use crate::spatial::{Motion, Wrench};
+use super::motions;
+use crate::prelude::*;
 
 /// Torques at zero acceleration, into `data.tau`. Needs `kinematics`; fills `data.velocity`.
 /// `qd` is local (see [`super::to_local`]), length `nv`; `gravity` in m/s^2, world axes.

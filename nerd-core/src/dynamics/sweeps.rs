@@ -1,10 +1,9 @@
-//! Sweeps along the tree: the factor of the mass matrix filled, solved with, and spread.
+//! Sweeps along the tree: the factor of the mass matrix filled, solved with, and spread; forward dynamics by it.
 
-use nalgebra::{Matrix6, Vector6};
+use nalgebra::{DVector, Matrix6, Vector6};
 
-use super::{Data, TreeFactor};
-use crate::robot::Robot;
-use crate::spatial::Wrench;
+use super::{Inverse, TreeFactor, bias, crba, inertias};
+use crate::prelude::*;
 
 /// Share of what was added up that rounding may leave of a zero.
 const ROUNDING: f64 = 1e-14;
@@ -94,4 +93,47 @@ impl TreeFactor {
             self.ease[i] = half - (half * self.gain[i]) * (s.transpose() * inverse) + s * (s.transpose() * inverse);
         }
     }
+}
+
+impl Inverse {
+    /// Factorises. Needs [`super::kinematics`]; fills `data.inertia`. `false` if something has no inertia; then do not solve.
+    #[must_use]
+    pub fn refill(&mut self, robot: &Robot, data: &mut Data) -> bool {
+        match self {
+            Self::Tree(tree) => {
+                inertias(robot, data);
+                tree.refill(robot, data, &[], &[])
+            }
+            Self::Matrix(factor) => {
+                crba(robot, data);
+                factor.refill(&data.mass)
+            }
+        }
+    }
+
+    /// Replaces torques `x` (length `nv`) by accelerations `M^-1 x`.
+    pub fn solve(&mut self, robot: &Robot, data: &Data, x: &mut [f64]) {
+        match self {
+            Self::Tree(tree) => tree.solve(robot, data, &[], x),
+            Self::Matrix(factor) => factor.solve(x),
+        }
+    }
+}
+
+/// Accelerations `M^-1 (tau - c)` into `data.qdd` for torques `tau` and local velocities `qd` (length `nv`). Needs
+/// `kinematics`; honours `data.external`. Returns `false` if a subtree has no inertia to accelerate.
+///
+/// Articulated bodies, in O(n): the bias by [`bias`], the inverse by [`TreeFactor`].
+#[must_use = "without inertia there is no acceleration"]
+pub fn aba(robot: &Robot, qd: &[f64], tau: &[f64], gravity: &Vector3<f64>, data: &mut Data) -> bool {
+    bias(robot, qd, gravity, data);
+    let mut inverse = data.inverse.take().unwrap_or_else(|| Box::new(Inverse::new(robot)));
+    let mut qdd = std::mem::replace(&mut data.qdd, DVector::zeros(0));
+    qdd.iter_mut().zip(tau.iter().zip(data.tau.iter())).for_each(|(a, (tau, c))| *a = tau - c);
+    let sound = inverse.refill(robot, data);
+    if sound {
+        inverse.solve(robot, data, qdd.as_mut_slice());
+    }
+    (data.inverse, data.qdd) = (Some(inverse), qdd);
+    sound
 }

@@ -1,11 +1,7 @@
 //! Mass, momentum and energy of a whole robot: the conserved quantities.
 
-use nalgebra::Vector3;
-
-use super::{Data, inertias, kinematics, velocities};
-use crate::robot::Robot;
-use crate::spatial::Wrench;
-use crate::velocity::to_local;
+use super::{inertias, velocities};
+use crate::{prelude::*, velocity::to_local};
 
 /// Sums over all links at one state.
 #[derive(Clone, Copy, Debug, PartialEq)]

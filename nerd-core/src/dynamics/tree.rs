@@ -73,7 +73,7 @@ impl TreeFactor {
 
 /// What solves with a robot's mass matrix.
 #[derive(Clone, Debug)]
-pub(super) enum Inverse {
+pub enum Inverse {
     /// Along the tree.
     Tree(Box<TreeFactor>),
     /// Where joints follow others, which couples branches of the tree, no recursion does.
@@ -81,7 +81,8 @@ pub(super) enum Inverse {
 }
 
 impl Inverse {
-    pub(super) fn new(robot: &Robot) -> Self {
+    /// Room for that of a robot.
+    pub fn new(robot: &Robot) -> Self {
         TreeFactor::new(robot).map_or_else(|| Self::Matrix(Factor::new(robot)), |tree| Self::Tree(Box::new(tree)))
     }
 }

@@ -1,6 +1,6 @@
 //! Joints that follow others: `<mimic>` of a URDF, folded into the coordinates.
 
-use super::{Joint, Limit, Mimic, Robot, UrdfError, UrdfRobot};
+use super::{Limit, Mimic, Robot, UrdfError, UrdfRobot};
 
 /// Farther than any turn of a joint.
 const ENDLESS: f64 = 1e9;
@@ -56,7 +56,10 @@ pub(super) fn follow(read: &mut UrdfRobot, file: &urdf_rs::Robot, mut followers:
         let Some(leader) = robot.links[leader].joint.as_mut() else { continue };
         leader.damping += multiplier * multiplier * own.damping;
         leader.friction += multiplier.abs() * own.friction;
-        keep_turns(leader, multiplier);
+        if leader.wraps() && multiplier.fract() != 0.0 {
+            // A joint that turns without end forgets its turns, which one that follows by half of them would miss.
+            leader.limit = Some(Limit { lower: -ENDLESS, upper: ENDLESS, stiffness: 0.0, damping: 0.0 });
+        }
         let Some(limit) = own.limit.filter(|_| multiplier != 0.0) else { continue };
         let [a, b] = [limit.lower, limit.upper].map(|end| (end - offset) / multiplier);
         let [low, high] = leader.limit.map_or([-ENDLESS, ENDLESS], |limit| [limit.lower, limit.upper]);
@@ -70,11 +73,4 @@ pub(super) fn follow(read: &mut UrdfRobot, file: &urdf_rs::Robot, mut followers:
         }
     }
     Ok(())
-}
-
-/// A joint that turns without end forgets its turns, which one that follows by half of them would miss.
-fn keep_turns(leader: &mut Joint, multiplier: f64) {
-    if leader.wraps() && multiplier.fract() != 0.0 {
-        leader.limit = Some(Limit { lower: -ENDLESS, upper: ENDLESS, stiffness: 0.0, damping: 0.0 });
-    }
 }

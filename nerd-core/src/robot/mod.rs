@@ -1,6 +1,5 @@
 //! The robot: a tree of links joined by one-DoF joints, on a fixed or a floating base.
 
-mod error;
 mod joint;
 mod loaded;
 mod lump;
@@ -14,9 +13,8 @@ mod urdf;
 mod words;
 mod xml;
 
-pub use error::UrdfError;
 pub use joint::{Joint, JointKind, Limit, Mimic};
-pub use loaded::{Hull, MeshFile, UrdfRobot};
+pub use loaded::{Hull, MeshFile, UrdfError, UrdfRobot};
 pub use model::{Base, FixedFrame, Link, Robot};
 pub use names::{JointIndex, UnknownName};
 pub use shape::{Shape, ShapeKind};

@@ -1,12 +1,11 @@
 //! Planar joints of a URDF: two slides and a turn about the normal, in that order, through two links that weigh nothing. The coordinates
 //! `(x, y, angle)` have no singularity, so this is exact. (Any three angles of a ball joint have one; it is refused.)
 
-use nalgebra::{Isometry3, Unit, UnitQuaternion, Vector3};
+use nalgebra::Unit;
 use urdf_rs::JointType;
 
 use super::lump::{axis, losses};
-use super::{Joint, JointKind, Link, UrdfError};
-use crate::spatial::BodyInertia;
+use crate::prelude::*;
 
 /// Ending of the name of the last joint, which carries the child link.
 pub(super) const TURN: &str = "turn";

@@ -12,9 +12,8 @@ use std::collections::{HashMap, HashSet};
 use urdf_rs::JointType;
 
 use super::lump::{isometry, joint, lump, shapes, sound};
-use super::mimic::follow;
 use super::planar::{TURN, check_names, planar};
-use super::xml::prepared;
+use super::{mimic::follow, xml::prepared};
 use crate::prelude::*;
 
 impl Robot {

@@ -4,8 +4,7 @@
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
-use super::UrdfError;
-use super::words::check;
+use super::{UrdfError, words::check};
 
 /// Elements of a URDF may be nested this deep; urdf-rs recurses and would overflow the stack far beyond it.
 const DEEPEST: usize = 64;

@@ -1,7 +1,6 @@
 //! What is read, and what is taken for granted where a file is silent.
 
-use super::common::*;
-use super::refusals::ARM;
+use super::{common::*, refusals::ARM};
 
 fn read(text: &str) -> UrdfRobot {
     UrdfRobot::read(text, Base::fixed()).expect("a robot")

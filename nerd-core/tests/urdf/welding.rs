@@ -73,7 +73,6 @@ fn fixed_links_are_welded_on_exactly() {
         let turned = centres[3].1 * bodies[3].inertia * centres[3].1.transpose();
         worst = worst.max(gap(robot.links[1].inertia.inertia.as_slice(), turned.as_slice()));
     }
-    println!("welded: inertia and poses {worst:.1e}");
     assert!(worst < 1e-13, "the welded robot is off by {worst:.1e}, allowed 1e-13");
 }
 

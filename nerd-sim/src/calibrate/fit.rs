@@ -6,7 +6,7 @@ use std::cell::Cell;
 use fcmaes_core::{Cmaes, CmaesParams, Fitness};
 use serde::{Deserialize, Serialize};
 
-use super::descent::descend;
+use super::bent::descend;
 use super::parameter::{CalibrateError, Parameter};
 use super::subject::Subject;
 use super::trial::{Distance, Trial, mean};

@@ -16,7 +16,6 @@
 //! ```
 
 mod bent;
-mod descent;
 mod fit;
 mod own;
 mod parameter;

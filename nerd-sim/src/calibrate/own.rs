@@ -1,13 +1,11 @@
 //! Parameters that each trajectory has of its own, such as zeros that somebody sets by hand, beside those that all share: one descent over
 //! all of them, in which a trajectory's own have slopes by its trials alone.
 
-use std::cell::Cell;
-use std::collections::BTreeMap;
+use std::{cell::Cell, collections::BTreeMap};
 
 use nalgebra::{DMatrix, DVector};
 
-use super::bent::Bent;
-use super::descent::descend;
+use super::bent::{Bent, descend};
 use super::fit::{Fit, FitConfig, INSIDE, PASS, STAGES, objective, thinned};
 use super::parameter::{CalibrateError, Parameter};
 use super::subject::Subject;

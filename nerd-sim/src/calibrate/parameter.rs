@@ -1,12 +1,6 @@
 //! What can be fitted, by name.
 
-use nalgebra::Vector3;
-use nerd_core::contact::{ContactPoint, Locus};
-use nerd_core::robot::JointKind;
-
-use crate::scene::GRAVITY;
-use crate::solver::StepError;
-use crate::system::{System, SystemError};
+use crate::prelude::*;
 
 /// Why nothing can be fitted; one line.
 #[derive(Debug, thiserror::Error)]
@@ -31,10 +25,6 @@ impl CalibrateError {
         Self::Parameter(format!(
             "parameter `{name}` has nothing to act on: no gravity, no mass, or no plane of the scene's own; leave it out"
         ))
-    }
-
-    pub(super) fn foreign(name: &str) -> Self {
-        Self::Parameter(format!("parameter `{name}` means nothing to this solver; leave it out"))
     }
 }
 
@@ -99,47 +89,22 @@ pub(super) enum What {
     Armature(usize),
 }
 
-impl What {
-    /// Whether rapier has no such number.
-    pub(super) fn articulated(self) -> bool {
-        matches!(self, Self::Rounding | Self::Stiffness | Self::Damping | Self::FrictionDamping | Self::JointFriction(_))
-    }
-}
-
 /// Names without a link or joint.
-const PLAIN: [&str; 13] = [
-    "friction",
-    "stiffness",
-    "damping",
-    "friction-damping",
-    "rounding",
-    "size",
-    "restitution",
-    "gravity",
-    "height",
-    "lag",
-    "delay",
-    "tilt.x",
-    "tilt.y",
-];
+const PLAIN: &str =
+    "friction, stiffness, damping, friction-damping, rounding, size, restitution, gravity, height, lag, delay, tilt.x, tilt.y";
 
 impl Parameter {
     /// The parameter of this name, with bounds from the robot's own values and size.
     pub fn named(system: &System, name: &str) -> Result<Self, CalibrateError> {
         let (head, of) = name.split_once(':').map_or((name, None), |(head, of)| (head, Some(of)));
-        let plain = PLAIN.contains(&head);
+        let plain = PLAIN.split(", ").any(|known| known == head);
         let robot = &system.robot;
         let unknown = || {
-            let links: Vec<&str> = robot.links.iter().map(|l| l.name.as_str()).collect();
-            let joints: Vec<&str> = robot.joints().map(|j| j.name.as_str()).collect();
-            let joints = if joints.is_empty() {
-                String::new()
-            } else {
-                format!("; armature, joint-damping, joint-friction, zero:JOINT of {}", joints.join(", "))
-            };
-            let (plain, links) = (PLAIN.join(", "), links.join(", "));
+            let links = robot.links.iter().map(|l| l.name.as_str()).collect::<Vec<_>>().join(", ");
+            let joints = robot.joints().map(|j| j.name.as_str()).collect::<Vec<_>>().join(", ");
+            let of_joints = if joints.is_empty() { "" } else { "; armature, joint-damping, joint-friction, zero:JOINT of " };
             CalibrateError::Parameter(format!(
-                "no parameter `{name}`: choose from {plain}; mass, com.x, com.y, com.z, inertia, spread.x, spread.y, spread.z:LINK of {links}{joints}"
+                "no parameter `{name}`: choose from {PLAIN}; mass, com.x, com.y, com.z, inertia, spread.x, spread.y, spread.z:LINK of {links}{of_joints}{joints}"
             ))
         };
         let link = || match of {
@@ -147,7 +112,7 @@ impl Parameter {
             None if robot.links.len() == 1 => Ok(0),
             None => Err(unknown()),
         };
-        let joint = || of.and_then(|of| robot.joint(of).ok()).map(|at| at.joint).ok_or_else(unknown);
+        let joint = || of.and_then(|of| robot.joints().enumerate().find(|(_, j)| j.name == of)).ok_or_else(unknown);
         let size = extent(system);
         let m = system.spec.material;
         let g = system.gravity().norm();
@@ -176,26 +141,20 @@ impl Parameter {
             "delay" if robot.joint_count() == 0 => return Err(CalibrateError::idle(name)),
             "delay" => (What::Delay, 0.0, 0.0, 1.0, false, "1"),
             "zero" => {
-                let slides = robot.joints().nth(joint()?).is_some_and(|j| j.kind == JointKind::Prismatic);
-                let (most, unit) = if slides { (0.1 * size, "m") } else { (0.3, "rad") };
-                (What::Zero(joint()?), 0.0, -most, most, false, unit)
+                let (k, own) = joint()?;
+                let (most, unit) = if own.kind == JointKind::Prismatic { (0.1 * size, "m") } else { (0.3, "rad") };
+                (What::Zero(k), 0.0, -most, most, false, unit)
             }
             // Up to what stops a tenth of mass times size squared within a fiftieth of a second.
             "joint-damping" => {
-                let own = robot.joints().nth(joint()?).map_or(0.0, |j| j.damping);
-                let high = (5.0 * size * size * robot.mass()).max(10.0 * own);
-                (What::JointDamping(joint()?), own, 0.0, high, false, "N m s/rad")
+                joint().map(|(k, j)| braked(What::JointDamping(k), j.damping, 5.0 * size * size * robot.mass(), "N m s/rad"))?
             }
             // Up to what holds a tenth of the robot's weight on Earth at its size.
             "joint-friction" => {
-                let own = robot.joints().nth(joint()?).map_or(0.0, |j| j.friction);
-                (What::JointFriction(joint()?), own, 0.0, (0.1 * size * robot.mass() * GRAVITY).max(10.0 * own), false, "N m")
+                joint().map(|(k, j)| braked(What::JointFriction(k), j.friction, 0.1 * size * robot.mass() * GRAVITY, "N m"))?
             }
             // Up to a hundredth of mass times size squared.
-            "armature" => {
-                let own = robot.joints().nth(joint()?).map_or(0.0, |j| j.armature);
-                (What::Armature(joint()?), own, 0.0, (0.01 * size * size * robot.mass()).max(10.0 * own), false, "kg m^2")
-            }
+            "armature" => joint().map(|(k, j)| braked(What::Armature(k), j.armature, 0.01 * size * size * robot.mass(), "kg m^2"))?,
             _ => return Err(unknown()),
         };
         Ok(Self { name: name.into(), low, high, nominal, logarithmic, unit, what })
@@ -261,8 +220,16 @@ fn axis(name: &str) -> usize {
     ["x", "y", "z"].iter().position(|axis| name.ends_with(axis)).unwrap_or_default()
 }
 
-fn ratio(what: What, nominal: f64, factor: f64, unit: &'static str) -> (What, f64, f64, f64, bool, &'static str) {
+/// What it changes, its nominal value, lower and upper bound, whether it is searched by its logarithm, unit.
+type Bounded = (What, f64, f64, f64, bool, &'static str);
+
+fn ratio(what: What, nominal: f64, factor: f64, unit: &'static str) -> Bounded {
     (what, nominal, nominal / factor, nominal * factor, true, unit)
+}
+
+/// From nothing to `most`, or ten times what the robot has.
+fn braked(what: What, own: f64, most: f64, unit: &'static str) -> Bounded {
+    (what, own, 0.0, most.max(10.0 * own), false, unit)
 }
 
 /// Size of a robot (m): the largest distance of two contact points of one link, or 1.

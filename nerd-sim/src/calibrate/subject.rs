@@ -1,15 +1,7 @@
 //! A robot in its scene under a solver, with parameters set.
 
-use std::sync::Arc;
-
-use serde::{Deserialize, Serialize};
-
 use super::parameter::{CalibrateError, Parameter, What, round};
-use crate::articulated::{Articulated, ArticulatedConfig, numbers};
-use crate::rapier::{Rapier, RapierConfig};
-use crate::scene::{PlaneSpec, Scene};
-use crate::solver::Solver;
-use crate::system::System;
+use crate::{articulated::numbers, internal::*, scene::PlaneSpec};
 
 /// A solver and its settings.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -99,13 +91,20 @@ impl Subject {
                 What::JointDamping(joint) => system.robot.joints_mut().nth(joint).into_iter().for_each(|j| j.damping = value),
                 What::Armature(joint) => system.robot.joints_mut().nth(joint).into_iter().for_each(|j| j.armature = value),
                 What::JointFriction(joint) => system.robot.joints_mut().nth(joint).into_iter().for_each(|j| j.friction = value),
-                What::Restitution => match &mut engine {
-                    Engine::Rapier(config) => config.restitution = value,
-                    Engine::Articulated(_) => return Err(CalibrateError::foreign(&p.name)),
-                },
+                What::Restitution => {}
             }
-            if matches!(engine, Engine::Rapier(_)) && p.what.articulated() {
-                return Err(CalibrateError::foreign(&p.name));
+            let foreign = match &mut engine {
+                Engine::Rapier(config) if p.what == What::Restitution => {
+                    config.restitution = value;
+                    false
+                }
+                Engine::Rapier(_) => {
+                    matches!(p.what, What::Rounding | What::Stiffness | What::Damping | What::FrictionDamping | What::JointFriction(_))
+                }
+                Engine::Articulated(_) => p.what == What::Restitution,
+            };
+            if foreign {
+                return Err(CalibrateError::Parameter(format!("parameter `{}` means nothing to this solver; leave it out", p.name)));
             }
         }
         let system = Arc::new(system);

@@ -1,15 +1,10 @@
 //! Open-loop rollouts from measured states: pieces of equal length that begin at every so many frames of a trajectory.
 
-use nerd_core::dynamics::{Data, to_local, to_world};
-use nerd_core::state::{quaternion, vector};
 use rayon::prelude::*;
 
-use super::parameter::CalibrateError;
-use super::subject::Subject;
-use crate::batch::Batch;
+use super::{parameter::CalibrateError, subject::Subject};
+use crate::internal::*;
 use crate::log::{Log, Trajectory, turned};
-use crate::scene::contacts;
-use crate::system::System;
 
 /// A start, and the poses that were measured from there on.
 #[derive(Clone, Debug)]
@@ -29,7 +24,7 @@ pub struct Trial {
 }
 
 /// How far a rollout is from its measurement: means over its frames.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Distance {
     /// Distance of the roots (m).
     pub position: f64,
@@ -117,8 +112,8 @@ impl Subject {
         if !robot.floating() {
             return state;
         }
-        contacts(&self.system.robot, &self.scene, &state, data, &mut events);
-        let nearness = |(e, p): (&nerd_core::contact::ContactEvent, &nerd_core::contact::ContactPoint)| (e.distance - p.radius, e.normal);
+        contacts(robot, &self.scene, &state, data, &mut events);
+        let nearness = |(e, p): (&ContactEvent, &ContactPoint)| (e.distance - p.radius, e.normal);
         let Some((depth, normal)) = events.iter().zip(&robot.contact_points).map(nearness).min_by(|a, b| a.0.total_cmp(&b.0)) else {
             return state;
         };

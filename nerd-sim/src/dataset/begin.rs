@@ -1,14 +1,10 @@
 //! The start, scene and drive of a random trajectory.
 
-use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::config::GenerateConfig;
 use super::drive::{Act, Drive, Smooth};
-use super::shard::DatasetError;
-use crate::prelude::*;
-use crate::sampling::scene;
-use crate::vary;
+use super::{config::GenerateConfig, shard::DatasetError};
+use crate::{internal::*, sampling::scene, vary};
 
 /// Random trajectories about to begin.
 pub(super) struct Begun {

@@ -1,13 +1,9 @@
 //! Settings of a recording: how much, from which starts, driven by what; which part of it.
 
-use std::fmt;
-use std::str::FromStr;
-use std::sync::Arc;
+use std::{fmt, str::FromStr};
 
-use super::drive::Pilot;
-use super::shard::DatasetError;
-use crate::range::{Range, law, within};
-use crate::system::System;
+use super::{drive::Pilot, shard::DatasetError};
+use crate::internal::*;
 
 /// Most that one shard may take in memory.
 const MOST_GIGABYTES: f64 = 16.0;

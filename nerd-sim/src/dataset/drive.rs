@@ -3,11 +3,9 @@
 
 use std::fmt::Debug;
 
-use rand::{Rng, RngExt};
 use rand_chacha::ChaCha8Rng;
 
-use crate::prelude::*;
-use crate::system::RandomGains;
+use crate::{internal::*, system::RandomGains};
 
 /// Random torques of a system, as in its training data.
 pub struct Drive {

@@ -1,14 +1,12 @@
 //! Random trajectories: a start from the system's box, a random scene, fresh random torques every frame.
 
-use std::collections::{BTreeMap, HashMap};
-use std::path::Path;
+use std::collections::HashMap;
 
 use super::begin::Begun;
 use super::config::{GenerateConfig, Part};
 use super::manifest::{Manifest, header};
 use super::shard::{DatasetError, FORMAT, Recording, read_shard, sha256_of, write_shard};
-use crate::files::FileError;
-use crate::prelude::*;
+use crate::internal::*;
 
 /// Records trajectories `first .. first + count` of the seed with `solver`, which is the truth of this data.
 pub fn record(

@@ -1,15 +1,8 @@
 //! The manifest of a folder of shards.
 
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-
-use serde::{Deserialize, Serialize};
-
-use super::begin::begin;
-use super::config::GenerateConfig;
 use super::shard::{DatasetError, Recording, check_format, read_shard, sha256_of};
-use crate::files::{FileError, read_text};
-use crate::prelude::*;
+use super::{begin::begin, config::GenerateConfig};
+use crate::{files::read_text, internal::*};
 
 /// `manifest.json` of a folder of shards.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -1,15 +1,12 @@
 //! Trajectories of equal length in memory, trajectory-major, in f64 (in f32, positions 100 km from the world's origin would round to 8 mm),
 //! and as a safetensors file, written whole or not at all.
 
-use std::collections::{BTreeMap, HashMap};
-use std::path::Path;
+use std::collections::HashMap;
 
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use sha2::{Digest, Sha256};
 
-use crate::files::FileError;
-use crate::solver::StepError;
-use crate::system::System;
+use crate::internal::*;
 
 /// Everything recorded of some trajectories: F frames each, states before and after.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -1,12 +1,10 @@
 //! What cannot be right: rates that are not those of the poses, free fall that is not gravity.
 
-use std::path::Path;
-
 use super::data::{Log, LogError, bad};
 use super::read::{Moment, Raw};
 use super::spec::{Axes, LogSpec, Order};
 use super::tidy::rate;
-use crate::prelude::*;
+use crate::internal::*;
 
 /// Rates that are off by more than this share are not those of the poses.
 const OFF: f64 = 0.5;

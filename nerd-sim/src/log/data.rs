@@ -1,11 +1,7 @@
 //! Measured trajectories of a robot.
 
-use std::path::Path;
-use std::sync::Arc;
-
 use super::spec::Published;
-use crate::files::FileError;
-use crate::system::{System, SystemError};
+use crate::internal::*;
 
 /// Measured trajectories.
 #[derive(Clone, Debug)]

@@ -1,12 +1,8 @@
 //! Rows of a table, in SI units and our own order of coordinates.
 
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-
 use super::data::{LogError, bad};
 use super::spec::{Axes, LogSpec, RootColumns, Units};
-use crate::files::FileError;
-use crate::prelude::*;
+use crate::internal::*;
 use crate::table::{Row, Table, twice};
 
 /// Largest number that is taken for a measurement, in SI units; of times since some epoch, too.

@@ -1,8 +1,7 @@
 //! The TOML beside a table of measurements: which column is what, in which unit and frame.
 
 use nalgebra::{Quaternion, UnitQuaternion};
-use serde::de::Error;
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Deserializer, Serialize, de::Error};
 
 /// One file of measurements.
 ///
@@ -71,11 +70,11 @@ fn ground() -> String {
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Units {
-    #[serde(deserialize_with = "length")]
+    #[serde(deserialize_with = "unit::<_, 0>")]
     pub length: f64,
-    #[serde(deserialize_with = "angle")]
+    #[serde(deserialize_with = "unit::<_, 1>")]
     pub angle: f64,
-    #[serde(deserialize_with = "time")]
+    #[serde(deserialize_with = "unit::<_, 2>")]
     pub time: f64,
 }
 
@@ -85,23 +84,18 @@ impl Default for Units {
     }
 }
 
-fn unit<'de, D: Deserializer<'de>>(from: D, known: &[(&str, f64)]) -> Result<f64, D::Error> {
-    let name = String::deserialize(from)?;
+/// Those of length, angle and time by name.
+const UNITS: [&[(&str, f64)]; 3] = [
+    &[("m", 1.0), ("cm", 1e-2), ("mm", 1e-3)],
+    &[("rad", 1.0), ("deg", std::f64::consts::PI / 180.0)],
+    &[("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)],
+];
+
+fn unit<'de, D: Deserializer<'de>, const KIND: usize>(from: D) -> Result<f64, D::Error> {
+    let (name, known) = (String::deserialize(from)?, UNITS[KIND]);
     let found = known.iter().find(|(unit, _)| *unit == name).map(|(_, factor)| *factor);
     let names = || known.iter().map(|(unit, _)| *unit).collect::<Vec<_>>().join(", ");
     found.ok_or_else(|| D::Error::custom(format!("unknown unit `{name}`, choose from {}", names())))
-}
-
-fn length<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
-    unit(from, &[("m", 1.0), ("cm", 1e-2), ("mm", 1e-3)])
-}
-
-fn angle<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
-    unit(from, &[("rad", 1.0), ("deg", std::f64::consts::PI / 180.0)])
-}
-
-fn time<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
-    unit(from, &[("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)])
 }
 
 /// Columns of a floating root.

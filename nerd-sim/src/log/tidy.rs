@@ -1,11 +1,10 @@
 //! From rows to frames: copies left out, cut at gaps, missing velocities from differences, other rates resampled.
 
-use nerd_core::dynamics::to_world;
-use nerd_core::state::wrap_state;
+use nerd_core::state::{difference, wrap_state};
 
 use super::data::Trajectory;
 use super::read::{Moment, Raw};
-use crate::prelude::*;
+use crate::internal::*;
 
 /// A step that is this many times the usual one is a gap.
 const GAP: f64 = 1.5;
@@ -31,7 +30,7 @@ pub(super) fn copies(system: &System, raw: &mut Vec<Raw>, notes: &mut Vec<String
     // What such a turn leaves alone: heights, the vertical in body axes, and joints.
     let print = |raw: &Raw| -> Vec<f64> {
         let of = |m: &Moment| {
-            let up = quaternion(&m.q[3..7]).inverse() * nalgebra::Vector3::z();
+            let up = quaternion(&m.q[3..7]).inverse() * Vector3::z();
             [&m.q[joints..], &[m.q[2], up.x, up.y]].concat()
         };
         raw.moments.iter().flat_map(of).collect()
@@ -111,12 +110,9 @@ pub(crate) fn turned(robot: &Robot, a: &[f64], b: &[f64]) -> Vec<f64> {
 
 /// Velocities that lead from one pose to another: angular and linear of the root in world axes, then joints.
 pub(super) fn rate(robot: &Robot, a: &[f64], b: &[f64], seconds: f64) -> Vec<f64> {
-    let mut out = Vec::new();
-    if robot.floating() {
-        let turn = quaternion(&b[3..7]) * quaternion(&a[3..7]).inverse();
-        out.extend((turn.scaled_axis() / seconds).iter().chain(((vector(b) - vector(a)) / seconds).iter()));
-    }
-    out.extend(turned(robot, a, b).iter().map(|d| d / seconds));
+    let mut out = vec![0.0; robot.nv()];
+    difference(robot, a, b, &mut out);
+    out.iter_mut().for_each(|way| *way /= seconds);
     out
 }
 
@@ -143,7 +139,7 @@ fn between(robot: &Robot, a: &Moment, b: &Moment, time: f64) -> Moment {
     if robot.floating() {
         let (from, to) = (quaternion(&a.q[3..7]), quaternion(&b.q[3..7]));
         let arc = (to * from.inverse()).scaled_axis() * s;
-        write_quaternion(&mut q[3..], &(nalgebra::UnitQuaternion::from_scaled_axis(arc) * from));
+        write_quaternion(&mut q[3..], &(UnitQuaternion::from_scaled_axis(arc) * from));
     }
     Moment { line: a.line, time, q, qd: mix(&a.qd, &b.qd), torques: a.torques.clone() }
 }

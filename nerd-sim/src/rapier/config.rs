@@ -1,10 +1,8 @@
 //! Settings.
 
 use rapier3d_f64::prelude as rapier;
-use serde::{Deserialize, Serialize};
 
-use crate::range::within;
-use crate::system::MOST_SUBSTEPS;
+use crate::{internal::*, system::MOST_SUBSTEPS};
 
 /// Natural frequency of contacts (Hz): at rapier's own 60 a resting robot sinks 0.7 mm, here 0.04 mm. Their damping ratio is rapier's own.
 const FREQUENCY: f64 = 240.0;

@@ -1,18 +1,11 @@
 //! One frame of one environment.
 
-use std::sync::Arc;
-
-use nalgebra::{Isometry3, Quaternion, Vector3};
-use nerd_core::dynamics::{Data, Factor, bias, crba, kinematics, to_local, to_world};
-use nerd_core::robot::{JointKind, Robot};
-use nerd_core::state::{quaternion, vector, write_quaternion};
+use nalgebra::{Quaternion, Vector3};
 use rapier3d_f64::prelude::*;
 
-use super::config::RapierConfig;
 use super::template::{Template, axis, insert_scene};
-use crate::scene::{Scene, from_parry, pose_from_parry, pose_to_parry, to_parry};
-use crate::solver::parallel::Frame;
-use crate::system::System;
+use crate::scene::{from_parry, pose_from_parry, pose_to_parry, to_parry};
+use crate::{internal::*, solver::parallel::Frame};
 
 /// A robot's template and a world that is made new every frame.
 pub(super) struct Workspace {

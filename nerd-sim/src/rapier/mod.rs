@@ -14,9 +14,7 @@ use frame::Workspace;
 
 pub use config::RapierConfig;
 
-use crate::batch::Batch;
-use crate::solver::parallel::Parallel;
-use crate::solver::{Capabilities, Solver, StepError};
+use crate::{internal::*, solver::parallel::Parallel};
 
 /// rapier as a [`Solver`]. Remembers nothing of an environment between frames.
 pub struct Rapier {

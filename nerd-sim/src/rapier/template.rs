@@ -2,13 +2,11 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
-use nerd_core::robot::{Base, Joint, JointKind, Robot, ShapeKind};
-use nerd_core::spatial::BodyInertia;
+use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
 
-use crate::scene::{self, Scene, pose_to_parry, to_parry};
-use crate::system::System;
+use crate::internal::*;
+use crate::scene::{self, pose_to_parry, to_parry};
 
 /// Groups that let the robot touch the scene but not itself.
 const ROBOT: InteractionGroups = InteractionGroups::new(Group::GROUP_1, Group::GROUP_2, InteractionTestMode::And);

@@ -1,11 +1,10 @@
 //! Static bodies as parry shapes, the same for every solver, the learned one included. A plane is solved in closed form, never as a mesh.
 
 use nalgebra::Quaternion;
-use nerd_core::robot::ShapeKind;
 use parry3d_f64::math::{Pose, Rotation, Vector as ParryVector};
 use parry3d_f64::shape::SharedShape;
 
-use crate::prelude::*;
+use crate::internal::*;
 
 /// Queries at most that find the deepest place of a disc or hull against what is not flat.
 const SEARCHES: usize = 4;
@@ -68,42 +67,26 @@ impl Collider {
         Self { ball: (from_parry(&ball.center), ball.radius * (1.0 + 1e-9)), shape, pose, material, plane }
     }
 
-    /// Says what is not finite or out of its range, if anything is.
+    /// Says what is not finite or out of its range, if anything is. Solvers ask in every frame.
     pub fn check(&self) -> Result<(), String> {
-        // Solvers ask in every frame: first whether all is well, in few steps.
-        if let Some(Plane { normal, offset }) = &self.plane
-            && (normal.norm_squared() - 1.0).abs() < 1e-6
-            && (offset + self.pose.translation.vector.sum()).is_finite()
-            && (self.pose.rotation.quaternion().norm_squared() - 1.0).abs() < 1e-6
-            && self.material.sound()
-        {
-            return Ok(());
-        }
-        self.fault()
-    }
-
-    #[inline(never)]
-    fn fault(&self) -> Result<(), String> {
-        let bounds = || self.shape.compute_local_aabb();
-        match &self.plane {
-            Some(Plane { normal, offset }) if !((normal.norm() - 1.0).abs() < 1e-6 && offset.is_finite()) => {
+        let unit = |square: f64| (square - 1.0).abs() < 1e-6;
+        let (place, turn) = (&self.pose.translation.vector, self.pose.rotation.quaternion());
+        if let Some(Plane { normal, offset }) = &self.plane {
+            if !(unit(normal.norm_squared()) && offset.is_finite()) {
+                let normal = normal.as_slice();
                 return Err(format!(
-                    "the plane with normal {:?} and offset {offset} m: a unit vector and a finite number are needed",
-                    normal.as_slice()
+                    "the plane with normal {normal:?} and offset {offset} m: a unit vector and a finite number are needed"
                 ));
             }
-            None if !(from_parry(&bounds().mins).iter().chain(&from_parry(&bounds().maxs)).all(|x| x.is_finite())) => {
+        } else {
+            let bounds = self.shape.compute_local_aabb();
+            if !(from_parry(&bounds.mins) + from_parry(&bounds.maxs)).iter().all(|x| x.is_finite()) {
                 return Err("the size of the shape is not finite".into());
             }
-            _ => {}
         }
-        let (place, turn) = (&self.pose.translation.vector, self.pose.rotation.quaternion());
-        if !(place.iter().all(|x| x.is_finite()) && (turn.norm() - 1.0).abs() < 1e-6) {
-            return Err(format!(
-                "its pose is at {:?} m, turned by {:?}: finite numbers are needed",
-                place.as_slice(),
-                turn.coords.as_slice()
-            ));
+        if !(place.iter().all(|x| x.is_finite()) && unit(turn.norm_squared())) {
+            let (place, turn) = (place.as_slice(), turn.coords.as_slice());
+            return Err(format!("its pose is at {place:?} m, turned by {turn:?}: finite numbers are needed"));
         }
         self.material.check()
     }

@@ -4,7 +4,7 @@ mod collider;
 mod spec;
 mod worlds;
 
-use crate::prelude::*;
+use crate::internal::*;
 
 pub use collider::{Collider, Plane};
 #[cfg(feature = "rapier")]

@@ -1,8 +1,6 @@
 //! Scenes and contact materials in a robot's TOML.
 
-use serde::{Deserialize, Serialize};
-
-use crate::range::{exactly, within};
+use crate::{internal::*, range::exactly};
 
 /// Largest stiffness (N/m) and damping (N s/m).
 const MOST: f64 = 1e12;
@@ -41,13 +39,6 @@ impl Material {
             friction_damping: mean(self.friction_damping, other.friction_damping),
             friction: mean(self.friction, other.friction),
         }
-    }
-
-    /// Whether [`Self::check`] has nothing to say.
-    #[inline]
-    pub(crate) fn sound(&self) -> bool {
-        let fits = |x: f64| (0.0..=MOST).contains(&x);
-        fits(self.stiffness) && fits(self.damping) && fits(self.friction_damping) && (0.0..=MOST_FRICTION).contains(&self.friction)
     }
 
     /// Says which number is out of its range, if one is.

@@ -5,13 +5,12 @@
 
 use std::sync::LazyLock;
 
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use parry3d_f64::math::Vector as ParryVector;
 use parry3d_f64::shape::{SharedShape, TriMesh, TriMeshFlags};
 
-use super::collider::{Collider, Plane};
-use super::spec::{Material, PegSpec, PlaneSpec, SceneSpec};
-use super::{Scene, up};
+use super::spec::{PegSpec, PlaneSpec, SceneSpec};
+use super::up;
+use crate::internal::*;
 
 /// Their names.
 pub const WORLDS: [&str; 5] = ["plane", "slope", "box", "steps", "hills"];
@@ -32,12 +31,9 @@ static HILLS_MESH: LazyLock<Option<SharedShape>> = LazyLock::new(|| hills().map(
 pub(crate) fn described(spec: &SceneSpec, gravity: &Vector3<f64>, material: Material) -> Scene {
     let (upright, material) = (upright(gravity), spec.material.unwrap_or(material));
     let plane = turned_plane(gravity, &spec.plane);
-    let solid = |shape, at: Vector3<f64>, turn: UnitQuaternion<f64>| {
-        Collider::new(shape, Isometry3::from_parts(at.into(), upright * turn), material)
-    };
     let boxes = spec.boxes.iter().map(|b| {
-        let [x, y, z] = b.size.map(|edge| 0.5 * edge);
-        solid(SharedShape::cuboid(x, y, z), b.at.into(), UnitQuaternion::from_axis_angle(&Vector3::z_axis(), b.turn))
+        let ([x, y, z], turn) = (b.size.map(|edge| 0.5 * edge), UnitQuaternion::from_axis_angle(&Vector3::z_axis(), b.turn));
+        Collider::new(SharedShape::cuboid(x, y, z), Isometry3::from_parts(Vector3::from(b.at).into(), upright * turn), material)
     });
     let pegs = spec.pegs.iter().map(|p| peg(p, gravity, material));
     let colliders = std::iter::once(Collider::plane(plane, material)).chain(boxes).chain(pegs).collect();

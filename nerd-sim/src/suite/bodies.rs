@@ -1,6 +1,6 @@
 //! Small systems for single questions: a free body, pendulums, a slider. Written as URDF and TOML; up is z.
 
-use crate::prelude::*;
+use crate::internal::*;
 
 /// The orientation (x y z w) of what is not turned.
 pub const UPRIGHT: [f64; 4] = [0.0, 0.0, 0.0, 1.0];

@@ -24,14 +24,12 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use rayon::prelude::*;
 
 pub mod bodies;
-mod method;
 mod row;
 mod rows;
 mod trial;
 
-pub use method::Method;
 pub use row::{Cell, Line, Row, Verdict};
-pub use trial::{Error, rise};
+pub use trial::{Error, Method, rise};
 
 /// Rows to be asked.
 #[derive(Clone, Debug)]

@@ -2,11 +2,8 @@
 
 use std::fmt;
 
-use serde::{Deserialize, Serialize};
-
-use super::method::Method;
-use super::trial::{Error, Trial};
-use crate::solver::StepError;
+use super::trial::{Error, Method, Trial};
+use crate::internal::*;
 
 /// How a row of the suite measures; an error is a scene that could not be made.
 type Measure = fn(&Trial) -> Result<f64, Error>;

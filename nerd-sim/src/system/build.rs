@@ -4,13 +4,10 @@ use std::collections::{HashMap, HashSet};
 
 use nalgebra::UnitVector3;
 
-use super::derive::stiffen;
-use super::folds::Folds;
-use super::model::Source;
-use super::spec::{ContactSpec, Spec};
 use super::start::{DRAWS, clear_start};
 use super::validate::{RESERVED, check};
-use crate::prelude::*;
+use super::{derive::stiffen, folds::Folds, model::Source, spec::ContactSpec};
+use crate::internal::*;
 
 impl System {
     /// From a robot and an unchecked specification.

@@ -6,9 +6,9 @@
 
 use std::f64::consts::PI;
 
-use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, Vector3};
-use nerd_core::contact::ContactPoint;
-use nerd_core::robot::{Shape, ShapeKind};
+use nalgebra::{Rotation3, Translation3};
+
+use crate::internal::*;
 
 /// How far apart capsules side by side are at most, in radii: a dip between two is a third of a radius deep.
 const APART: f64 = 1.5;

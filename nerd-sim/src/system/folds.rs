@@ -8,7 +8,7 @@ use std::ops::Range;
 use nerd_core::robot::Hull;
 
 use super::capsules::{Capsule, rounded};
-use crate::prelude::*;
+use crate::internal::*;
 
 /// What is nearer than this in the default pose touches there (m).
 const TOUCHING: f64 = 1e-3;

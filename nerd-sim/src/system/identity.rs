@@ -3,12 +3,10 @@
 //! SHA-256 over a canonical form: keys in order, numbers as f64 (little-endian, -0 as 0), texts and lists with their
 //! lengths. Comments, white space, the order of keys and tables, and how a number is written change nothing.
 
-use nerd_core::contact::Locus;
-use nerd_core::robot::{Base, Joint, Link, Shape, ShapeKind};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
-use super::model::System;
+use crate::internal::*;
 
 /// Keys of a specification on which no data depends, or that [`System::robot_sha256`] has looked at by what they lead to.
 const ELSEWHERE: [&str; 14] = [
@@ -40,7 +38,10 @@ impl System {
     pub fn sha256(&self) -> String {
         let mut spec = json!(self.spec);
         if let Some(keys) = spec.as_object_mut() {
-            keys.retain(|key, _| !ELSEWHERE.contains(&key.as_str()));
+            // What came later is left out where it says nothing: a robot without it has the hash it always had.
+            let silent = |key: &str, value: &Value| value.is_null() && ["random_pegs", "smooth", "vary"].contains(&key);
+            keys.retain(|key, value| !ELSEWHERE.contains(&key.as_str()) && !silent(key, value));
+            keys.get_mut("vary").and_then(Value::as_object_mut).into_iter().for_each(|vary| vary.retain(|_, range| !range.is_null()));
         }
         for joint in spec["joint"].as_array_mut().into_iter().flatten().filter_map(Value::as_object_mut) {
             joint.retain(|key, _| !["column", "armature", "limit", "stiffness", "rest"].contains(&key.as_str()));

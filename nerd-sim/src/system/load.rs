@@ -1,21 +1,13 @@
 //! Systems from names, files and texts.
 
-use std::path::Path;
-use std::sync::Arc;
-
-use nerd_core::robot::{Base, Robot, UrdfError, UrdfRobot};
 use toml::Table;
 
-use super::build::name_columns;
 use super::built_in::{BUILT_IN, CABLES, FOREIGN};
-use super::cable::CableSpec;
 #[cfg(feature = "meshes")]
 use super::derive::touch;
 use super::derive::{derived, floats, plain};
-use super::model::{Source, System, SystemError};
-use super::spec::{Spec, mesh_points};
-use super::validate::check;
-use crate::files::{FileError, read_text};
+use super::{build::name_columns, cable::CableSpec, model::Source, spec::mesh_points, validate::check};
+use crate::{files::read_text, internal::*};
 
 impl System {
     /// A built-in robot or cable by name, or by path the robot of a URDF file or the cable of a TOML ([`crate::cable`]).
@@ -107,21 +99,6 @@ impl System {
         let defaults = joints.filter_map(default).collect();
         let spec = derived(&mut read, path, &defaults, !own.contains_key("contact")).over(own).map_err(|e| SystemError::spec(name, e))?;
         Self::new(name, read, spec, Source::Derived)
-    }
-
-    /// From a robot that was built in code, and the text of a specification; without one as [`System::bare`].
-    pub fn from_robot(robot: Robot, spec: Option<&str>) -> Result<Self, SystemError> {
-        let name = robot.name.clone();
-        let Some(text) = spec else {
-            let spec = plain(&robot);
-            return Self::new(&name, robot, spec, Source::Derived);
-        };
-        let spec = Spec::read(text).map_err(|e| SystemError::spec(&name, e))?;
-        if spec.floating != robot.floating() {
-            let text = format!("floating = {}, but the robot's base is {}", spec.floating, if robot.floating() { "free" } else { "fixed" });
-            return Err(SystemError::Spec(name, text));
-        }
-        Self::new(&name, robot, spec, Source::Specified)
     }
 
     /// From the text of a URDF alone: gravity along -z, 1/60 s, no torque.

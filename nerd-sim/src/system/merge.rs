@@ -3,11 +3,9 @@
 //! `like = "ant"` takes missing keys from a built-in robot's file: `ant-paper`, the Ant of the reference simulator, is a few lines.
 //! `like = "urdf"` takes them from what the URDF suggests, see `derive.rs`, and a cable's from what it is made of.
 
-use serde::Deserialize;
 use toml::Table;
 
-use super::model::System;
-use super::spec::Spec;
+use crate::internal::*;
 
 impl Spec {
     /// From the text of a file.

@@ -4,10 +4,8 @@ use nerd_core::robot::MeshFile;
 use toml::Table;
 
 use super::built_in::{BUILT_IN, CABLES, FOREIGN};
-use super::folds::Folds;
-use super::spec::{JointSpec, Spec};
-use crate::files::FileError;
-use crate::prelude::*;
+use super::{folds::Folds, spec::JointSpec};
+use crate::internal::*;
 use crate::scene::{WORLDS, described, world};
 
 /// Why a system could not be made.

@@ -1,14 +1,10 @@
 //! The TOML beside a URDF: what URDF cannot say. Unknown keys are refused here, numbers out of range in `validate.rs`. Missing keys may come
 //! from another file (`merge.rs`). Types are in the order in which [`Spec`] names them.
 
-use std::collections::BTreeMap;
+use serde::Deserializer;
 
-use serde::{Deserialize, Deserializer, Serialize};
-
-use crate::range::{Range, exactly, number};
-use crate::scene::{Material, SceneSpec};
-use crate::system::truth::Truth;
-use crate::system::vary::VarySpec;
+use crate::range::{exactly, number};
+use crate::{internal::*, scene::SceneSpec, system::vary::VarySpec};
 
 /// A robot's TOML file.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
@@ -46,14 +42,11 @@ pub struct Spec {
     /// Scene of the training data [default: `free`].
     pub data_scene: Option<String>,
     /// Random pegs in the training data, on the ground of `data_scene`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub random_pegs: Option<RandomPegs>,
     /// Time (s) from one random torque to the next, drawn once for each trajectory; in between torques follow a smooth curve [default: a new
     /// torque every frame].
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub smooth: Option<Range>,
     /// Ranges of the robot's numbers that are drawn for each trajectory; see [`crate::vary`].
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub vary: Option<VarySpec>,
     /// How actions become torques [default: torque = gain times action].
     pub control: Option<ControlSpec>,
@@ -264,7 +257,6 @@ pub struct ContactSpec {
     #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
     pub axis: Option<[f64; 3]>,
     /// Radius of a disc (m). It has three contact points.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub rim: Option<f64>,
     /// In place of a point: vertices (m, link frame), of which the deepest touches.
     #[serde(default, deserialize_with = "all", skip_serializing_if = "Vec::is_empty")]
@@ -273,7 +265,6 @@ pub struct ContactSpec {
     #[serde(default = "sharp")]
     pub radius: f64,
     /// The contact is masked beyond `max(4 thickness, 0.1)` (m) [default: `radius`].
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub thickness: Option<f64>,
 }
 

@@ -2,11 +2,9 @@
 
 use nalgebra::Unit;
 use nerd_core::state::wrap_state;
-use rand::Rng;
 
 use super::spec::{RootSpec, RootStart};
-use crate::prelude::*;
-use crate::random::direction;
+use crate::{internal::*, random::direction};
 
 /// Which of a system's two boxes a start is drawn from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

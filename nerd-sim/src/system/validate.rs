@@ -4,10 +4,8 @@
 
 use std::collections::HashSet;
 
-use super::spec::{ControlSpec, JointSpec, RootSpec, RootStart, Spec};
-use crate::prelude::*;
-use crate::range::{law, within};
-use crate::scene::WORLDS;
+use super::spec::{ControlSpec, JointSpec, RootSpec, RootStart};
+use crate::{internal::*, scene::WORLDS};
 
 /// Most substeps of a frame: a robot of ten joints takes a tenth of a second over them.
 pub(crate) const MOST_SUBSTEPS: usize = 100_000;

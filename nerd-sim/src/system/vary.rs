@@ -1,41 +1,29 @@
 //! `[vary]` of a robot's TOML: what differs between environments. [`crate::vary`] draws it.
 
-use nerd_core::robot::Robot;
-use serde::{Deserialize, Serialize};
-
-use crate::range::{Range, law};
+use crate::internal::*;
 
 /// `[vary]`: ranges from which a robot's numbers are drawn, once an environment or a trajectory. What is not there stays as it is.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct VarySpec {
     /// Factor on the mass of each link, and on its inertia with it.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub mass: Option<Range>,
     /// Factor on the inertia of each link about its centre of mass.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub inertia: Option<Range>,
     /// Shift of each link's centre of mass along each axis of the link (m).
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub com: Option<Range>,
     /// Friction coefficient, of robot and scene alike.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub friction: Option<Range>,
     /// Factor on the stiffness and the damping of contact, of robot and scene alike.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub stiffness: Option<Range>,
     /// Size of gravity (m/s^2).
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub gravity: Option<Range>,
     /// Factor on each joint's kp and kd, of drives and of tasks. Data whose gains are random (`control.data`) have them where a
     /// trajectory is held, not driven.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub gain: Option<Range>,
     /// Factor on each joint's damping and dry friction.
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub joint_damping: Option<Range>,
     /// Drive inertia added at each joint (kg m^2 or kg).
-    #[serde(skip_serializing_if = "Option::is_none")]
     pub armature: Option<Range>,
 }
 

@@ -1,7 +1,6 @@
 use nerd_sim::dataset::begin;
 
-use super::common::*;
-use super::{accurate, nodes};
+use super::{accurate, common::*, nodes};
 
 /// A cable of the usual keys but for a line before `[cable]`, and some in it.
 fn lead(before: &str, within: &str) -> Result<Arc<System>, String> {
@@ -68,7 +67,6 @@ fn a_cable_of_any_stiffness_moves() {
     let all = said.map(String::from).into_iter().chain(stiff).chain(["twisting = 8e-4\nlinks = 40".into()]);
     for (keys, held) in all.flat_map(|keys| ["gripper", "fixed", "free"].map(|held| (keys.clone(), held))) {
         let most = lead("", &format!("{keys}\nheld = \"{held}\"")).and_then(|system| data(&system));
-        println!("{held}, {keys:?}: {most:?} in a state");
         assert!(most.as_ref().is_ok_and(|most| *most < 300.0), "{held}, {keys}: {most:?} in a state");
     }
 }

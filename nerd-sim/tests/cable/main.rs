@@ -4,7 +4,6 @@ mod beam;
 #[path = "../common/mod.rs"]
 mod common;
 mod file;
-mod twist;
 
 use nerd_sim::prelude::*;
 

@@ -1,10 +1,9 @@
 //! Calibration finds what made the measurements, and says what they do not determine.
 
+use nerd_sim::{calibrate::*, log::Log, prelude::*};
+
 use crate::common::{built_in, line};
 use crate::tossed::{cube, folder, header, text, tosses};
-use nerd_sim::calibrate::*;
-use nerd_sim::log::Log;
-use nerd_sim::prelude::*;
 
 /// A cube as described, on its table.
 fn subject(system: &Arc<System>) -> Subject {
@@ -35,7 +34,6 @@ fn a_shifted_mass_and_a_smooth_table_are_found() {
     let config = FitConfig { evaluations: 400, trials: 24, seed: 1, ..FitConfig::default() };
     let mut told = 0;
     let fit = subject.fit(&chosen, &trials, config, &mut |done, _| told = done).expect("a fit");
-    println!("{:?}, objective {}", fit.values, fit.objective);
     let off = [(fit.values[0] - truth[0]).abs(), (fit.values[1] - truth[1]).abs()];
     assert!(off[0] < 5e-4 && off[1] < 0.01, "{off:?} from what made the measurements (m, 1)");
     assert!(fit.after.position < 0.2 * fit.before.position, "{:?} of {:?}", fit.after, fit.before);
@@ -84,7 +82,6 @@ fn what_is_right_already_weighs_nothing() {
     let config = FitConfig { evaluations: 200, trials: 24, seed: u64::MAX, ..FitConfig::default() };
     for slopes in [true, false] {
         let fit = subject.fit(&chosen, &trials, FitConfig { slopes, ..config }, &mut |_, _| ()).expect("a fit");
-        println!("{:?}, {:?} from {:?}, {} evaluations", fit.values, fit.after, fit.before, fit.evaluations);
         assert!(fit.slopes == slopes && fit.before.position == 0.0, "{fit:?}");
         assert!((fit.values[0] - truth).abs() < 0.02, "slopes {slopes}: {fit:?}");
     }
@@ -185,7 +182,6 @@ fn drives_and_sensors_are_found() {
     let trials: Vec<Trial> = trials.collect();
     let config = FitConfig { evaluations: 1000, trials: 100, ..FitConfig::default() };
     let fit = nominal.fit_own([&shared, &own], &trials, config, &mut |_, _| ()).expect("a fit");
-    println!("{:?} {:?}", fit.shared, fit.own);
     assert!(fit.shared.after.joints < 0.01 * fit.shared.before.joints, "{:?}", fit.shared);
     for ((name, found), true_) in names.iter().zip(&fit.shared.values).zip(&truth) {
         assert!((found - true_).abs() < 0.02 * true_, "{name}: {found}, {true_} made the measurements");

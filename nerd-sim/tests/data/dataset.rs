@@ -1,7 +1,6 @@
 //! Shards on disk: whole or not there, the same bytes again after an interruption, never those of other settings.
 
-use std::f64::consts::PI;
-use std::path::Path;
+use std::{f64::consts::PI, path::Path};
 
 use nerd_sim::dataset::{GenerateConfig, Manifest, Part, generate, generate_part, read_shard, record};
 use nerd_sim::prelude::*;

@@ -5,8 +5,7 @@ use std::path::Path;
 
 use crate::common::{built_in, line};
 use crate::tossed::{Toss, cube, folder, header, stamp, text, tosses};
-use nerd_sim::log::Log;
-use nerd_sim::prelude::*;
+use nerd_sim::{log::Log, prelude::*};
 
 fn read(rows: &str, toml: &str) -> Log {
     Log::read(&folder(rows, toml).path().join("cube.log.toml"), None).expect("a log")

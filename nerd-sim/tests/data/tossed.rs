@@ -4,9 +4,7 @@
 use std::ops::Range;
 
 use nerd_core::dynamics::to_local;
-use nerd_sim::prelude::*;
-use nerd_sim::sampling::normal;
-use nerd_sim::suite::bodies::Body;
+use nerd_sim::{prelude::*, sampling::normal, suite::bodies::Body};
 
 use crate::common::{at, implicit, motion};
 

@@ -109,7 +109,6 @@ fn contact_scales_with_the_robot() {
         let scene = batch.scenes[0].clone();
         let last = end(&mut Articulated::new(ArticulatedConfig::accurate(&system)), batch, 0.0, 120);
         let give = (system.default_state()[2] - last[2]) / (0.6 * scale);
-        println!("scale {scale}: pressed in by {give:.1e} of its length");
         assert!((2e-4..3e-3).contains(&give), "scale {scale}: pressed in by {give} of its length");
         assert!(last[6].abs() > 0.999, "scale {scale}: it fell over: {:?}", &last[3..7]);
         let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
@@ -169,7 +168,6 @@ fn the_tool_of_an_arm_rests_on_the_table_that_it_is_mounted_on() {
         kinematics(&system.robot, &last, &mut data);
         let corners = (0..8).map(|c| Vector3::new([-0.1, 0.1][c & 1], [-0.02, 0.02][c >> 1 & 1], [0.0, 0.1][c >> 2]));
         let lowest = corners.map(|corner| point_position(&data, 3, &corner).z).fold(f64::MAX, f64::min);
-        println!("leaning by {lean} rad: the tool is {:.2} mm over the table", 1e3 * lowest);
         assert!(lowest.abs() < 1e-3, "leaning by {lean} rad: the tool is {lowest} m over the table");
     }
 }

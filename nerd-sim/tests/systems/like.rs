@@ -1,7 +1,6 @@
 //! Robots that are like a built-in one: keys left out are the other's, own keys win. The robots `NAME-paper` are made so.
 
-use nerd_sim::prelude::*;
-use nerd_sim::system::Spec;
+use nerd_sim::{prelude::*, system::Spec};
 use serde_json::Value;
 
 use super::common::built_in;

@@ -1,10 +1,8 @@
 //! Robots that are described by meshes touch the ground with them.
 
-use std::f64::consts::TAU;
-use std::path::Path;
+use std::{f64::consts::TAU, path::Path};
 
-use nerd_sim::sampling::normal;
-use nerd_sim::scene::foot;
+use nerd_sim::{sampling::normal, scene::foot};
 use rand::RngExt;
 
 use super::common::*;
@@ -55,7 +53,6 @@ fn a_mesh_is_touched_at_its_corners_and_carries_its_robot() {
     let mut state = system.default_state();
     state[2] = 0.07;
     let height = end(&mut implicit(16), at(&system, "ground", &state), 0.0, 180)[2];
-    println!("it rests at {height:.5} m");
     assert!((height - 0.05).abs() < 1e-3, "it rests at {height} m, half its height is 0.05 m");
 }
 
@@ -142,7 +139,6 @@ fn gltf_and_ply_are_where_their_files_put_them() {
     let files = [("a.glb", glb), ("a.gltf", gltf(nodes, INSIDE, ONE).into()), ("b.gltf", gltf(nodes, r#","uri":"a%20b.bin""#, ONE).into())];
     for (name, bytes) in files {
         let off = extent(name, bytes).as_flattened().iter().zip(right.as_flattened()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        println!("{name}: off by {off:.1e} m");
         assert!(off < 1e-6, "{name}: off by {off:.1e} m");
     }
     let header = |format: &str, x: &str| {
@@ -193,7 +189,6 @@ fn a_mesh_that_asks_for_too_much_or_lacks_something_is_passed_over_and_said() {
     for (name, bytes, word) in texts.map(|(name, text, word)| (name, text.into_bytes(), word)).into_iter().chain(bytes) {
         let system = with_mesh(name, bytes);
         let notes = system.notes.join(" ");
-        println!("{notes}");
         assert_eq!((system.meshes.len(), system.robot.contact_points.len()), (1, 0));
         assert!([word, "nothing touches it"].iter().all(|w| notes.contains(w)) && !notes.contains('\n'), "`{notes}` has no `{word}`");
     }
@@ -285,7 +280,6 @@ fn the_lowest_place_is_a_contact_point_in_every_attitude() {
         let found = robot.contact_points.iter().map(|p| foot(p, &data, &Vector3::z())).fold(f64::INFINITY, f64::min);
         worst = worst.max((found - lowest).abs());
     }
-    println!("{} contact points: {:.2} mm from the lowest of all vertices at most", robot.contact_points.len(), 1e3 * worst);
     assert!(worst < 2e-3, "the lowest contact point is {worst} m from the lowest place");
     assert!(robot.contact_points.len() < 60, "{} contact points", robot.contact_points.len());
 }

@@ -39,7 +39,6 @@ fn controllers_are_the_references() {
             worst = out.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(worst, f64::max);
             rows += 1;
         }
-        println!("{file}: {rows} rows, torques differ by up to {worst:.1e} N m");
         assert!(rows > 100 && worst < 1e-3, "{file}: {rows} rows, torques differ by up to {worst:.1e} N m");
     }
 }
@@ -103,20 +102,6 @@ fn a_clearance_that_no_start_has_is_refused() {
     assert!(error.contains("[root.sample]") && error.contains("clearance"), "{error}");
 }
 
-#[test]
-fn a_robot_built_in_code_is_that_of_its_file() {
-    let (spec, urdf) = System::texts("pendulum").expect("it is built in");
-    let robot = || Robot::from_urdf(urdf, Base::fixed()).expect("a robot");
-    let built = System::from_robot(robot(), Some(spec)).expect("the same");
-    assert_eq!((built.robot_sha256(), &built.robot), (built_in("pendulum").robot_sha256(), &built_in("pendulum").robot));
-    // Without a word about it, as a bare file.
-    assert_eq!(System::from_robot(robot(), None).expect("bare").frame_time, 1.0 / 60.0);
-    let mut free = robot();
-    free.base = Base::Floating;
-    let said = line(System::from_robot(free, Some(spec)));
-    assert!(said.contains("floating = false, but the robot's base is free"), "{said}");
-}
-
 /// No point of a built-in robot creeps by more than 1 mm/s where 30 N push it (the cube's: all that friction can bear).
 #[test]
 fn thirty_newtons_move_a_foot_by_a_millimetre_a_second() {
@@ -124,7 +109,6 @@ fn thirty_newtons_move_a_foot_by_a_millimetre_a_second() {
         let system = built_in(name);
         let ground = system.scene(system.usual_scenes().into_iter().find(|s| *s != "free").expect("a ground")).expect("scene");
         let creep = force / ground.colliders[0].material.mean(&system.spec.material).friction_damping;
-        println!("{name}: {creep:.2e} m/s under {force} N");
         assert!(creep < 1.001e-3, "{name}: {creep:.2e} m/s under {force} N");
     }
 }

@@ -146,7 +146,6 @@ fn each_slides_by_its_own_friction() {
         let expected = (g * (slope.sin() - mu * slope.cos()) * frames as f64 * system.frame_time).max(0.0);
         let s = batch.state(env);
         let speed = (vector(&s[10..]) + vector(&s[7..]).cross(&vector(s))).norm();
-        println!("mu {mu:.3}: {speed:.4} m/s, textbook {expected:.4}");
         assert!((speed - expected).abs() < 0.01 * g * slope.sin() * 0.5 + 2e-3, "mu {mu:.3}: {speed} m/s, textbook {expected}");
         slid += usize::from(expected > 0.0);
     }

@@ -3,8 +3,7 @@
 use std::f64::consts::PI;
 
 use super::*;
-use crate::scene::points;
-use crate::suite::trial::rise;
+use crate::{scene::points, suite::trial::rise};
 
 pub(super) static ROWS: [Row; 3] = [
     Row::new("cable's sag", "error of the sag of a clamped cable, 16 rods, after 5 s", "relative", 0.01, sag)

@@ -1,4 +1,4 @@
-//! Rows of contact: rest, bounces, impacts.
+//! Rows of contact: rest, bounces, impacts; and of friction: one body that slides or rolls.
 
 use super::*;
 
@@ -95,4 +95,102 @@ fn under(trial: &Trial) -> Result<f64, Error> {
     let motion = trial.passive(&system, "hills", &start, 60)?;
     let event = system.scene("hills")?.contact(&vector(motion.last()));
     Ok((0.05 - event.distance).max(0.0))
+}
+
+pub(super) static ROWS: [Row; 7] = [
+    Row::new("stopping distance", "error, mu 0.2 0.4 0.7", "relative", 0.05, stopping)
+        .source("Newton tests; v^2 / 2 mu g")
+        .why("Dry friction is mu times the load at any speed."),
+    Row::new("friction threshold", "slip below the angle, or 2 cm / slip above it", "2 cm", 1.0, threshold)
+        .source("Newton tests; tan a = mu, mu 0.5, slopes 10 20 24, 29 35 40 deg, 0.5 s")
+        .why("Dry friction holds below its angle and lets go above it; a viscous one always creeps."),
+    Row::new("sliding down", "error of the way, 35 deg, mu 0.5, 1 s", "relative", 0.05, sliding)
+        .source("g (sin a - mu cos a) t^2 / 2")
+        .why("Above the angle a body accelerates by what friction leaves, neither held nor let go."),
+    Row::new("plate at four yaws", "a plate: spread of way, lateral way, yaw", "relative", 0.02, |trial| yaws(trial, plate(), 0.05))
+        .source("Coulomb's cone is round")
+        .why("A turn about the vertical changes nothing, unless friction is reckoned along two fixed axes."),
+    Row::new("cube at four yaws", "a cube: spread of way, lateral way, yaw", "relative", 0.02, |trial| yaws(trial, Body::default(), 0.1))
+        .source("Coulomb's cone is round")
+        .why("The same for a tall body, whose load moves from corner to corner."),
+    Row::new("table at four yaws", "a table of four round feet: spread of way, lateral way, yaw", "relative", 0.02, |trial| {
+        yaws(trial, table(), 0.27)
+    })
+    .source("Coulomb's cone is round")
+    .why("The same on four balls, each of them a single contact."),
+    Row::new("rolling ball", "error of the speed, 15 deg, 1 s", "relative", 5e-3, rolling)
+        .source("Drake's scene; 5/7 g sin a t")
+        .why("Friction at one point must turn the ball as fast as it travels."),
+];
+
+/// A plate of 0.4 x 0.4 x 0.1 m and 1 kg.
+fn plate() -> Body {
+    let (a, b) = ((0.16 + 0.01) / 12.0, 0.32 / 12.0);
+    Body { shape: r#"<box size="0.4 0.4 0.1"/>"#.into(), inertia: [a, a, b], ..Default::default() }
+}
+
+/// A table of 1 kg: its middle 0.27 m above the ground, on four feet 0.6 by 0.4 m apart.
+fn table() -> Body {
+    Body { feet: Some([0.3, 0.2, 0.25]), inertia: [0.03, 0.05, 0.07], ..Default::default() }
+}
+
+fn stopping(trial: &Trial) -> Result<f64, Error> {
+    let mut worst = 0.0f64;
+    for mu in [0.2, 0.4, 0.7] {
+        let body = Body { material: [1e4, 100.0, 1e3, mu], ..plate() };
+        let motion = trial.passive(&body.system()?, "ground", &Body::state([0.0, 0.0, 0.05], UPRIGHT, [0.0; 3], [2.0, 0.0, 0.0]), 90)?;
+        worst = worst.max((motion.last()[0] / (4.0 / (2.0 * mu * GRAVITY)) - 1.0).abs());
+    }
+    Ok(worst)
+}
+
+/// Way down a slope in `frames` frames from rest (m).
+fn down(trial: &Trial, body: Body, degrees: f64, height: f64, frames: usize) -> Result<(f64, f64), Error> {
+    let slope = degrees.to_radians();
+    let body = Body { slope, ..body };
+    let (s, c) = slope.sin_cos();
+    let q = [0.0, (0.5 * slope).sin(), 0.0, (0.5 * slope).cos()];
+    let start = Body::state([s * height, 0.0, c * height], q, [0.0; 3], [0.0; 3]);
+    let motion = trial.passive(&body.system()?, "ground", &start, frames)?;
+    let along = Vector3::new(c, 0.0, -s);
+    let last = motion.last();
+    let velocity = vector(&last[10..]) + vector(&last[7..]).cross(&vector(last));
+    Ok((along.dot(&(vector(last) - vector(&start))), along.dot(&velocity)))
+}
+
+fn threshold(trial: &Trial) -> Result<f64, Error> {
+    let mut worst = 0.0f64;
+    for degrees in [10.0, 20.0, 24.0, 29.0, 35.0, 40.0] {
+        let slip = down(trial, plate(), degrees, 0.05, 30)?.0.abs() / 0.02;
+        worst = worst.max(if degrees < 26.0 { slip } else { (1.0 / slip).min(1e3) });
+    }
+    Ok(worst)
+}
+
+fn sliding(trial: &Trial) -> Result<f64, Error> {
+    let a = 35f64.to_radians();
+    Ok((down(trial, plate(), 35.0, 0.05, 60)?.0 / (0.5 * GRAVITY * (a.sin() - 0.5 * a.cos())) - 1.0).abs())
+}
+
+fn rolling(trial: &Trial) -> Result<f64, Error> {
+    let ball = Body { shape: r#"<sphere radius="0.1"/>"#.into(), inertia: [0.004; 3], ..Default::default() };
+    Ok((down(trial, ball, 15.0, 0.1, 60)?.1 / (5.0 / 7.0 * GRAVITY * 15f64.to_radians().sin()) - 1.0).abs())
+}
+
+fn yaws(trial: &Trial, body: Body, height: f64) -> Result<f64, Error> {
+    let system = Body { material: [1e4, 100.0, 1e3, 0.4], ..body }.system()?;
+    let (mut ways, mut worst) = (Vec::new(), 0.0f64);
+    for degrees in [0.0f64, 15.0, 30.0, 45.0] {
+        let half = 0.5 * degrees.to_radians();
+        let q = [0.0, 0.0, half.sin(), half.cos()];
+        let motion = trial.passive(&system, "ground", &Body::state([0.0, 0.0, height], q, [0.0; 3], [2.0, 0.0, 0.0]), 60)?;
+        let last = motion.last();
+        let yaw = quaternion(&last[3..7]).angle_to(&quaternion(&q));
+        worst = worst.max(last[1].abs() / last[0].abs().max(1e-3)).max(yaw);
+        ways.push(last[0]);
+    }
+    let (low, high) = ways.iter().fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
+    // Something must have slid, and stopped.
+    let expected = 4.0 / (2.0 * 0.4 * GRAVITY);
+    Ok(if (low / expected - 1.0).abs() > 0.5 { 1.0 } else { worst.max((high - low) / high) })
 }

@@ -2,8 +2,6 @@
 
 use std::f64::consts::FRAC_PI_2;
 
-use rand::RngExt;
-
 use super::*;
 use crate::suite::bodies::{chain, slider, universal};
 

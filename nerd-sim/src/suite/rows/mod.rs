@@ -3,7 +3,6 @@
 mod cables;
 mod contact;
 mod flight;
-mod friction;
 mod joints;
 mod robots;
 mod rolling;
@@ -13,11 +12,11 @@ mod runner;
 use super::bodies::{Body, UPRIGHT};
 use super::row::Row;
 use super::trial::{Error, Motion, Trial};
-use crate::prelude::*;
+use crate::internal::*;
 
 /// All rows, in the order of tables.
 pub(super) fn all() -> impl Iterator<Item = &'static Row> {
     let rolling = rolling::ROWS.iter().chain(&round::ROWS);
-    let contact = contact::LANDING.iter().chain(&friction::ROWS).chain(rolling).chain(&contact::PASSIVE).chain(&robots::CONSISTENCY);
+    let contact = contact::LANDING.iter().chain(&contact::ROWS).chain(rolling).chain(&contact::PASSIVE).chain(&robots::CONSISTENCY);
     flight::ROWS.iter().chain(&joints::ROWS).chain(contact).chain(&cables::ROWS).chain(&robots::ROWS).chain(&runner::ROWS)
 }

@@ -1,8 +1,7 @@
 //! Rows of built-in robots: convergence, independence of history, and drives at their limits.
 
-use rand::RngExt;
-
 use super::*;
+use crate::internal::*;
 
 /// Speed limit of ANYmal's joints (rad/s).
 const SPEED: f64 = 20.0;

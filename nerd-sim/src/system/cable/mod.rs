@@ -12,7 +12,6 @@
 //! # Ok::<(), SystemError>(())
 //! ```
 
-mod defaults;
 mod robot;
 mod spec;
 

@@ -1,8 +1,7 @@
 //! The chain of rods.
 
 use super::spec::{CableSpec, Held};
-use crate::prelude::*;
-use crate::system::derive::rounded;
+use crate::{internal::*, system::derive::rounded};
 
 /// Seconds in which a bent piece comes to rest where no damping is given: leads, hoses and ropes lose a bend in a moment. A chain of springs
 /// that loses nothing shakes ever faster.

@@ -1,7 +1,7 @@
 //! The shapes of a fixed base, which its robot touches as it touches a scene.
 
 use super::limits::pose;
-use crate::prelude::*;
+use crate::internal::*;
 
 /// What is nearer to the base than this (m) wherever its joint turns is mounted on it.
 const MOUNTED: f64 = 1e-3;

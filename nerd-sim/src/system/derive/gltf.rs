@@ -1,15 +1,12 @@
 //! Vertices of a glTF 2.0 file, as text (.gltf, with its buffers beside it or inside) or binary (.glb), with the transforms of the nodes that
 //! show them (crate gltf). Units are metres; y is not turned up, as in other readers of URDF.
 
-use std::path::Path;
-
-use base64::Engine;
-use base64::prelude::BASE64_STANDARD;
-use gltf::buffer::Source;
-use gltf::{Gltf, Mesh, Node};
-use nalgebra::{Matrix4, Point3, Vector3};
+use base64::{Engine, prelude::BASE64_STANDARD};
+use gltf::{Gltf, Mesh, Node, buffer::Source};
+use nalgebra::{Matrix4, Point3};
 
 use super::file::{DEEPEST, MOST, NODES, bytes_of};
+use crate::internal::*;
 
 /// In metres; `path` is the file's, beside which its buffers are.
 pub(super) fn vertices(bytes: &[u8], path: &Path) -> Result<Vec<Vector3<f64>>, String> {

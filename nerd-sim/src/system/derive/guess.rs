@@ -1,20 +1,14 @@
 //! Settings derived from a URDF's numbers where no TOML has them: free base, materials, starts, drives.
 //! `cargo xtask inspect --robot my.urdf` prints all of it as the TOML that could be beside the file.
 
-use std::collections::BTreeMap;
 use std::f64::consts::PI;
-use std::path::Path;
 
-use nerd_core::dynamics::{TreeFactor, bias, crba, inertias};
+use nerd_core::dynamics::TreeFactor;
 
-use super::base::settle;
-use super::limits::pose;
 use super::plain::{between, listed, plain, rounded};
-use super::spread::enough;
-use super::srdf::pose_of;
-use crate::prelude::*;
-use crate::scene::foot;
-use crate::system::spec::{ControlSpec, JointSpec, RandomGains, RandomPlane, RootSpec, RootStart, Spec, StartSpec};
+use super::{base::settle, limits::pose, spread::enough, srdf::pose_of};
+use crate::system::spec::{ControlSpec, JointSpec, RandomGains, RandomPlane, RootSpec, RootStart, StartSpec};
+use crate::{internal::*, scene::foot};
 
 /// Share of the robot's extent by which its weight presses its contacts in, borne by four of them; by one, if its base is fixed.
 const GIVE: f64 = 1e-3;
@@ -121,11 +115,11 @@ pub(crate) fn derived(read: &mut UrdfRobot, path: Option<&Path>, defaults: &BTre
     let joints = robot.joints().zip(&torques).zip(&state[coords..]);
     let mut joints: Vec<JointSpec> = joints.map(|((joint, torque), q)| joint_spec(joint, *torque, *q, [weight, extent], driven)).collect();
     // No URDF has the inertia of rotors, and no motion needs it but that of a joint that nothing else resists.
-    let given = |x: f64| x.is_finite() && x > 0.0;
     for (joint, spec) in
         bare(robot, BARE * robot.mass() * extent * extent).into_iter().zip(&mut joints).filter_map(|(bare, spec)| Some((bare?, spec)))
     {
-        spec.armature = if given(joint.effort) && given(joint.velocity) { rounded(joint.effort * START / joint.velocity) } else { 0.0 };
+        spec.armature =
+            if joint.effort.is_finite() && joint.velocity.is_finite() { rounded(joint.effort * START / joint.velocity) } else { 0.0 };
     }
     let guessed = joints.iter().filter(|j| j.armature > 0.0).map(|j| format!("{} {}", j.name, j.armature)).collect::<Vec<_>>().join(", ");
     if !guessed.is_empty() {
@@ -211,7 +205,7 @@ fn joint_spec(joint: &Joint, torque: f64, default: f64, [weight, extent]: [f64; 
         None if slides => (-extent, extent),
         None => (-PI, PI),
     };
-    let fast = if joint.velocity > 0.0 { FAST.min(0.5 * joint.velocity) } else { FAST };
+    let fast = FAST.min(0.5 * joint.velocity);
     // A robot that stands starts near its pose; an arm anywhere.
     let (wide, near) = (if driven { 0.3 } else { 2.0 * PI }, 0.1);
     let reach = |turn: f64| if slides { turn.min(1.0) * extent } else { turn };
@@ -219,8 +213,7 @@ fn joint_spec(joint: &Joint, torque: f64, default: f64, [weight, extent]: [f64; 
         let Range { low: a, high: b } = between(default - reach(turn), default + reach(turn));
         Range { low: a.clamp(low, high), high: b.clamp(low, high) }
     };
-    let given = |x: f64| x.is_finite() && x > 0.0;
-    let effort = if given(joint.effort) { joint.effort } else { gain };
+    let effort = if joint.effort.is_finite() { joint.effort } else { gain };
     JointSpec {
         name: joint.name.clone(),
         default,
@@ -275,6 +268,5 @@ fn torques(robot: &Robot) -> Vec<f64> {
             *most = most.max(holds + LIVELY * data.mass[(dofs + i, dofs + i)]);
         }
     }
-    let within = |(joint, most): (&Joint, &f64)| if joint.effort > 0.0 { rounded(*most).min(joint.effort) } else { rounded(*most) };
-    robot.joints().zip(&most).map(within).collect()
+    robot.joints().zip(&most).map(|(joint, most)| rounded(*most).min(joint.effort)).collect()
 }

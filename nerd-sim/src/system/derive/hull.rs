@@ -3,8 +3,7 @@
 use std::f64::consts::PI;
 
 use nalgebra::Vector3;
-use parry3d_f64::math::Vector as ParryVector;
-use parry3d_f64::transformation::try_convex_hull;
+use parry3d_f64::{math::Vector as ParryVector, transformation::try_convex_hull};
 
 /// Directions, evenly all around, in which reach is compared, besides those of the vertices: some four degrees from each to the next.
 pub(crate) const AROUND: usize = 2000;

@@ -4,8 +4,9 @@
 //! joint that its own effort would push farther than 4 % of its range beyond an end is stiffer, up to `I (2 / dt)^2`: what is
 //! too stiff for an explicit substep is stepped implicitly (`articulated/stiff.rs`). Damping `2 sqrt(I stiffness)`.
 
-use nerd_core::dynamics::{Data, Factor, TreeFactor, crba, inertias, kinematics};
-use nerd_core::robot::{Joint, JointKind, Limit, Robot};
+use nerd_core::dynamics::Inverse;
+
+use crate::prelude::*;
 
 /// Stiffness over `I / dt^2`, the root of it.
 const USUAL: f64 = 0.2;
@@ -39,27 +40,18 @@ fn least_inertias(robot: &Robot) -> Vec<f64> {
     let (joints, dofs) = (robot.joint_count(), robot.root_dofs());
     // Work grows with the square of the joints: absurd robots are looked at once.
     let poses = (1_000_000 / (joints * joints)).clamp(1, 16);
-    let (mut data, mut factor, mut tree) = (Data::new(robot), Factor::new(robot), TreeFactor::new(robot));
+    let (mut data, mut inverse) = (Data::new(robot), Inverse::new(robot));
     let (mut x, mut least) = (vec![0.0; robot.nv()], vec![f64::INFINITY; joints]);
     for pose in 0..poses {
         kinematics(robot, &self::pose(robot, pose), &mut data);
-        let resists = if let Some(tree) = &mut tree {
-            inertias(robot, &mut data);
-            tree.refill(robot, &data, &[], &[])
-        } else {
-            crba(robot, &mut data);
-            factor.refill(&data.mass)
-        };
+        let resists = inverse.refill(robot, &mut data);
         if !resists {
             least.fill(0.0);
         }
         for (i, least) in least.iter_mut().enumerate().filter(|_| resists) {
             x.fill(0.0);
             x[dofs + i] = 1.0;
-            match &mut tree {
-                Some(tree) => tree.solve(robot, &data, &[], &mut x),
-                None => factor.solve(&mut x),
-            }
+            inverse.solve(robot, &data, &mut x);
             *least = least.min(x[dofs + i].recip());
         }
     }
@@ -68,8 +60,7 @@ fn least_inertias(robot: &Robot) -> Vec<f64> {
 
 /// Coordinates of the `k`-th pose: zero or the nearest to it, then places within the ranges that fill them evenly.
 pub(crate) fn pose(robot: &Robot, k: usize) -> Vec<f64> {
-    let mut q = robot.zero_state();
-    q.truncate(robot.nq());
+    let mut q = robot.neutral();
     let ends = |joint: &Joint| match joint.limit {
         Some(Limit { lower, upper, .. }) => (lower, upper),
         None if joint.kind == JointKind::Prismatic => (-1.0, 1.0),

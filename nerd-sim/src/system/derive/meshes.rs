@@ -5,21 +5,15 @@
 //! folders above the URDF, as `NAME/PATH`, as `PATH` in one that is called NAME, and as `PATH`; then in those of the environment's
 //! `ROS_PACKAGE_PATH`. Every other path begins at the URDF. What cannot be read is passed over, and a note says why.
 
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
-
-use nalgebra::Vector3;
-use nerd_core::robot::{Hull, MeshFile, UrdfRobot};
-use serde::Deserialize;
+use nerd_core::robot::{Hull, MeshFile};
 use serde::de::IgnoredAny;
 use serde_ply::PlyReader;
 
 use super::file::{MOST, bytes_of};
 use super::hull::{allowance, few, hull};
 use super::spread::{SHARP, endless, partition};
-use super::wheel::wheel;
-use super::{collada, gltf};
+use super::{collada, gltf, wheel::wheel};
+use crate::internal::*;
 
 /// Share of the allowance within which a link's meshes reach as far as its file says.
 const FINE: f64 = 0.2;

@@ -2,12 +2,11 @@
 
 use std::f64::consts::{PI, TAU};
 
-use nalgebra::{Matrix3, Rotation3, UnitVector3, Vector3};
-use nerd_core::contact::{ContactPoint, Locus, across};
-use nerd_core::dynamics::{Data, kinematics};
-use nerd_core::robot::{Joint, JointKind, Robot};
+use nalgebra::{Rotation3, UnitVector3};
+use nerd_core::contact::across;
 
 use super::hull::{AROUND, allowance, around, few};
+use crate::internal::*;
 
 /// At most so many of the points, by number: those that lie farthest towards the corners of the box around them, the lower ones first, then
 /// always the one farthest from all that were taken. A sole with an ankle on it keeps the corners that it stands on. Of less than four no

@@ -1,8 +1,6 @@
 //! Named poses from the SRDF beside a URDF.
 
-use std::path::{Path, PathBuf};
-
-use nerd_core::robot::Robot;
+use crate::internal::*;
 
 /// Names of standing poses, the best first.
 const STANDING: [&str; 2] = ["standing", "half_sitting"];

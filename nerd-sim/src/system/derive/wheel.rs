@@ -2,12 +2,11 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::Vector3;
-use nerd_core::contact::{ContactPoint, across};
-use nerd_core::robot::Joint;
+use nerd_core::contact::across;
 
 use super::hull::{allowance, cover, farthest, few};
 use super::spread::{SHARP, partition, reach};
+use crate::internal::*;
 
 /// Share by which what is round reaches less far to one side than to another at most.
 const ROUND: f64 = 0.02;
