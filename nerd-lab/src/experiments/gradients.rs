@@ -2,7 +2,7 @@
 //! through a model and through the exact solver, from states that the policy visits in the truth, under the same noise.
 
 use nerd_tasks::{Episodes, named};
-use nerd_train::ppo::{Actor, Algorithm, Engine, Policy, PpoConfig, Running, RunningMoments, Shac, StreamKey, folder};
+use nerd_train::ppo::{Actor, Algorithm, Engine, Policy, PpoConfig, Running, RunningMoments, Shac, Stage, StreamKey, folder};
 use rayon::prelude::*;
 
 use super::games::{arena_of, input_of, policy_of, truth_of};
@@ -107,7 +107,8 @@ impl Gradients {
         (0..n).for_each(|env| episodes.place(env, &from.0, env));
         let mut running = from.1.clone();
         let mut engine = Shac::new(&mut episodes, &mut policy.clone(), &shac, self.seed, &Default::default())?;
-        engine.roll(&mut episodes, &mut running, policy, &shac, StreamKey { seed: self.seed, number: 0 })?;
+        let noise = StreamKey { seed: self.seed, number: 0 };
+        engine.roll(Stage { episodes: &mut episodes, running: &mut running, policy, config: &shac, noise })?;
         let own = engine.gradients(policy).into_par_iter().filter(|own| own.iter().any(|g| *g != 0.0));
         let own: Vec<Vec<f64>> = own.map(|own| own.into_iter().map(|g| f64::from(g) * n as f64).collect()).collect();
         if own.len() < 2 {

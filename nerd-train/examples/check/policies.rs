@@ -8,7 +8,7 @@ use nerd_sim::system::System;
 use nerd_tasks::{Episodes, named, names};
 use nerd_train::device::Device;
 use nerd_train::ppo::{
-    Activation, Adam, Arena, CudaEngine, Engine, OnCpu, Policy, PpoConfig, Rollout, Running, Shape, StreamKey, Taken, Updated,
+    Activation, Adam, Arena, CudaEngine, Engine, OnCpu, Policy, PpoConfig, Rollout, Running, Shape, Stage, StreamKey, Taken, Updated,
 };
 
 use crate::with::{Checks, Outcome, largest, share_of_way, worse};
@@ -43,7 +43,7 @@ impl Side {
 
     fn roll(&mut self, policy: &Policy, config: &PpoConfig, number: usize) -> Outcome<(Rollout, Taken)> {
         let noise = StreamKey { seed: 7, number: (number * HORIZON) as u64 };
-        let taken = self.engine.roll(&mut self.episodes, &mut self.running, policy, config, noise)?;
+        let taken = self.engine.roll(Stage { episodes: &mut self.episodes, running: &mut self.running, policy, config, noise })?;
         Ok((self.engine.rollout()?, taken))
     }
 

@@ -10,7 +10,7 @@ use nerd_sim::prelude::*;
 use nerd_sim::truth::Truth;
 use nerd_tasks::named;
 use nerd_train::device::Device;
-use nerd_train::ppo::{Adam, Arena, CudaShac, Engine, PpoConfig, Running, Shac, StreamKey, Trainer, play};
+use nerd_train::ppo::{Adam, Arena, CudaShac, Engine, PpoConfig, Running, Shac, Stage, StreamKey, Trainer, play};
 
 use crate::policies::under_way;
 use crate::with::{Checks, Outcome, largest, share_of_way};
@@ -67,13 +67,13 @@ fn iteration(task: &str, arena: &Arena, on_card: bool) -> Outcome<Found> {
     let first = policy.flat.clone();
     let (gradient, earned, parts, critic) = if on_card {
         let mut card = CudaShac::new(shac, &policy, &config)?;
-        card.roll(&mut episodes, &mut running, &policy, &config, noise)?;
+        card.roll(Stage { episodes: &mut episodes, running: &mut running, policy: &policy, config: &config, noise })?;
         let found = (card.shac.gradient.clone(), card.shac.earned);
         card.update(&mut policy, &mut adam, &config, orders)?;
         let parts = card.spent().len();
         (found.0, found.1, parts, critics(&mut card)?)
     } else {
-        shac.roll(&mut episodes, &mut running, &policy, &config, noise)?;
+        shac.roll(Stage { episodes: &mut episodes, running: &mut running, policy: &policy, config: &config, noise })?;
         let found = (shac.gradient.clone(), shac.earned);
         shac.update(&mut policy, &mut adam, &config, orders)?;
         (found.0, found.1, 0, critics(&mut shac)?)

@@ -46,7 +46,7 @@ pub use config::{Algorithm, PpoConfig};
 pub use cpu::OnCpu;
 #[cfg(feature = "cuda")]
 pub use cuda::{CudaEngine, CudaShac};
-pub use engine::{Engine, Turns};
+pub use engine::{Engine, Stage, Turns};
 pub use gae::{TERMINATED, TRUNCATED};
 pub use loss::Terms;
 pub use noise::StreamKey;

@@ -8,7 +8,7 @@ use nerd_tasks::Episodes;
 use serde::{Deserialize, Serialize};
 
 use super::team::Team;
-use super::{Adam, Algorithm, Engine, OnCpu, Policy, PpoConfig, Running, Shac, Shape, StreamKey, Updated};
+use super::{Adam, Algorithm, Engine, OnCpu, Policy, PpoConfig, Running, Shac, Shape, Stage, StreamKey, Updated};
 use crate::error::{Error, Result, refuse};
 use crate::ranks::Ranks;
 
@@ -105,7 +105,7 @@ impl Trainer {
         let noise = StreamKey { seed: self.seed.wrapping_add(NOISE), number: state.iteration * config.horizon as u64 };
         let orders = StreamKey { seed: self.seed.wrapping_add(ORDERS), number: state.iteration };
         engine.ahead(config, orders);
-        let taken = engine.roll(episodes, &mut state.running, &state.policy, config, noise)?;
+        let taken = engine.roll(Stage { episodes, running: &mut state.running, policy: &state.policy, config, noise })?;
         let taken = Team::new(&self.ranks, config.environments).together(taken)?;
         let rolled = started.elapsed().as_secs_f64();
         state.recent.extend(taken.ended.iter().map(|episode| (episode.total, episode.length)));

@@ -12,7 +12,7 @@ use crate::learner::{CpuLearner, Learner};
 use crate::prelude::*;
 #[cfg(feature = "cuda")]
 use crate::unroll::CudaUnrollLearner;
-use crate::unroll::{Course, OnCard, UnrollLearner};
+use crate::unroll::{Body, Course, UnrollLearner};
 
 /// What learns as one of `ranks`, at the state it goes on from.
 pub(super) fn engine(plan: &Plan, ranks: &Arc<Ranks>, state: LearnerState, sets: Sets) -> Result<Box<dyn Learner>> {
@@ -42,7 +42,7 @@ fn precision(plan: &Plan) -> Precision {
 }
 
 /// What learns through many frames.
-fn unrolled<B: OnCard + 'static>(plan: &Plan, ranks: &Arc<Ranks>, state: LearnerState, course: Course<B>) -> Result<Box<dyn Learner>> {
+fn unrolled<B: Body + 'static>(plan: &Plan, ranks: &Arc<Ranks>, state: LearnerState, course: Course<B>) -> Result<Box<dyn Learner>> {
     Ok(match plan.config.device {
         Device::Cpu => {
             memory::unrolled(&plan.network, course.frames)?;

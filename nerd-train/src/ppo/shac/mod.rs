@@ -28,7 +28,7 @@ use rayon::prelude::*;
 
 use super::gae::advantages;
 use super::team::Team;
-use super::{Adam, Engine, Policy, PpoConfig, Running, RunningMoments, StreamKey, Taken, Terms, Updated};
+use super::{Adam, Engine, Policy, PpoConfig, RunningMoments, Stage, StreamKey, Taken, Terms, Updated};
 use crate::error::{Result, refuse};
 use crate::ranks::Ranks;
 use back::{Found, back};
@@ -148,15 +148,9 @@ impl Shac {
 }
 
 impl Engine for Shac {
-    fn roll(
-        &mut self,
-        episodes: &mut Episodes,
-        running: &mut Running,
-        policy: &Policy,
-        config: &PpoConfig,
-        noise: StreamKey,
-    ) -> Result<Taken> {
-        let (steps, mut taken) = Steps::rolled(episodes, running, policy, config, (noise, self.team.part.start))?;
+    fn roll(&mut self, mut on: Stage) -> Result<Taken> {
+        let (steps, mut taken) = Steps::rolled(&mut on, self.team.part.start)?;
+        let Stage { episodes, running, policy, config, .. } = on;
         let value = self.value(policy);
         let Found { by_actions, earned, without } = back(&steps, episodes, policy, &value, config, self.team.all)?;
         (self.by_actions, self.earned) = (by_actions, earned);
