@@ -4,8 +4,7 @@
 //! `lr(s) = end (N - s) / k` after it; during the w updates of the warm-up it is multiplied by `(s + 1) / w`.
 //! The paper steps `1e-3 (1 - e/1000) + 1e-4 e/1000` once per epoch of 5000 updates; here every update steps.
 
-use nerd_sim::range::within;
-use serde::{Deserialize, Serialize};
+use crate::prelude::*;
 
 /// Linear decay with optional warm-up and tail.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -5,8 +5,6 @@
 //! The criterion is the hook's value where it gives one, or else the validation loss. Resuming is: load
 //! `last.safetensors`, make a learner of it, run the same [`TrainerConfig`] again.
 
-use nerd_sim::range::within;
-
 use crate::checkpoint::{self, Best};
 use crate::prelude::*;
 use crate::progress::{Bar, bar_from};

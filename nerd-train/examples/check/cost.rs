@@ -1,17 +1,10 @@
 //! What a frame costs on the card with its vector-Jacobian product by state and torque, beside the frame alone, in time and memory. A robot of one's own
 //! is named by a path among the parts: `check slopes-cost robot.urdf`.
 
-use std::path::Path;
-use std::sync::Arc;
-use std::time::Instant;
-
-use nerd_model::pick::Setting;
-use nerd_sim::articulated::device::{Back, CudaArticulated, Real, Trail};
-use nerd_sim::prelude::*;
-use nerd_train::device::Device;
+use nerd_sim::articulated::device::{Back, Trail};
 
 use crate::solvers::batch;
-use crate::with::{Checks, Outcome, largest, numbers};
+use crate::with::*;
 
 /// Environments, frames that are timed, frames before them, in which robots fall.
 const N: usize = 4096;

@@ -1,17 +1,9 @@
 //! PPO on the card: rollouts whose tasks are there are those of tasks on the CPU, and what is learned from them there is what the CPU learns.
 
-use std::path::Path;
+use nerd_tasks::names;
+use nerd_train::ppo::{Activation, OnCpu, Rollout, Shape, Taken, Updated};
 
-use nerd_model::pick::Setting;
-use nerd_sim::sampling::stream;
-use nerd_sim::system::System;
-use nerd_tasks::{Episodes, named, names};
-use nerd_train::device::Device;
-use nerd_train::ppo::{
-    Activation, Adam, Arena, CudaEngine, Engine, OnCpu, Policy, PpoConfig, Rollout, Running, Shape, Stage, StreamKey, Taken, Updated,
-};
-
-use crate::with::{Checks, Outcome, largest, share_of_way, worse};
+use crate::with::*;
 
 /// Environments, and steps of a rollout.
 const N: usize = 512;

@@ -1,19 +1,7 @@
 //! SHAC on the card: its gradient and its critic are the CPU's, and what policies learn by it in a while.
 
-use std::path::Path;
-use std::sync::Arc;
-use std::time::Instant;
-
-use nerd_model::pick::Setting;
-use nerd_sim::articulated::device::{CudaArticulated, Real};
-use nerd_sim::prelude::*;
-use nerd_sim::truth::Truth;
-use nerd_tasks::named;
-use nerd_train::device::Device;
-use nerd_train::ppo::{Adam, Arena, CudaShac, Engine, PpoConfig, Running, Shac, Stage, StreamKey, Trainer, play};
-
 use crate::policies::under_way;
-use crate::with::{Checks, Outcome, largest, share_of_way};
+use crate::with::*;
 
 /// Environments and steps whose gradients are compared. Steps are few, since rounding grows with every contact.
 const N: usize = 64;

@@ -1,13 +1,6 @@
 //! Slopes of models and of the articulated solver on the card are those of the CPU; what they cost is in `cost.rs`.
 
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
-
-use nerd_sim::articulated::device::{CudaArticulated, Real};
-use nerd_sim::prelude::*;
-use nerd_train::device::Device;
-
-use crate::with::{Checks, Outcome, apart, numbers};
+use crate::with::*;
 
 /// Environments of a model, and of the articulated solver.
 const N: usize = 512;

@@ -1,25 +1,15 @@
 //! Gradients and updates, of windows and through frames, on one card and on several.
 
-use std::path::Path;
-use std::sync::Arc;
-
 use nerd_model::base::Base;
 use nerd_model::chain::{Chain, ChainSolver};
 use nerd_model::features::Features;
-use nerd_model::folder::Model;
-use nerd_model::transformer::{Architecture, TransformerConfig, Weights};
-use nerd_sim::dataset::GenerateConfig;
-use nerd_sim::prelude::*;
-use nerd_train::learner::cuda::{CudaLearner, Precision};
-use nerd_train::learner::{CpuLearner, Learner, LearnerConfig, LearnerState, Optimizer};
 use nerd_train::prepare::{generate, moments};
 use nerd_train::ranks::{Place, Ranks};
 use nerd_train::unroll::chain::{Cable, Loss, scales};
 use nerd_train::unroll::robot::Robot;
 use nerd_train::unroll::{Body, Course, CudaUnrollLearner, Motions, UnrollLearner};
-use nerd_train::windows::draw;
 
-use crate::with::{Checks, Outcome, apart, others, settings, shapes, share_of_way, weights, windows, worse};
+use crate::with::*;
 
 /// Every entry is the CPU's within this share of the root mean square of its tensor's: one that is missing is off by all of itself.
 const ENTRY: f64 = 2e-3;

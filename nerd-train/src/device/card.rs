@@ -1,6 +1,5 @@
 //! Models and solvers whose frames are on a graphics card.
 
-use nerd_model::pick::Setting;
 use nerd_sim::articulated::device::{CudaArticulated, Real, Resident, Roll};
 use nerd_sim::solver::Slopes;
 

@@ -18,9 +18,6 @@ pub use cpu::CpuLearner;
 #[cfg(feature = "cuda")]
 pub mod cuda;
 
-use nerd_sim::range::within;
-
-use crate::error::part;
 use crate::prelude::*;
 
 /// What an update needs beside the learning rate.

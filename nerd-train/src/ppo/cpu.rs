@@ -1,18 +1,8 @@
 //! [`OnCpu`]: a policy that answers and learns on the CPU, alone or as one of several ranks.
 
-use std::sync::Arc;
-
-use nerd_tasks::Episodes;
-use rayon::prelude::*;
-
-use super::gae::advantages;
 use super::loss::surprise;
-use super::noise::drawn;
-use super::team::Team;
 use super::update::update;
-use super::{Actor, Adam, Engine, Policy, PpoConfig, Rollout, Stage, StreamKey, Taken, Turns, Updated};
-use crate::error::Result;
-use crate::ranks::Ranks;
+use super::*;
 
 /// On the CPU, which does not fail.
 #[derive(Default)]

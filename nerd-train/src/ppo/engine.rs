@@ -1,10 +1,8 @@
 //! What a policy answers on, keeps the steps of a rollout in and learns from them: PPO's `OnCpu`, or a GPU in `CudaEngine`, and `Shac`.
 
-use nerd_sim::solver::StepError;
-use nerd_tasks::{Episodes, Snapshot, StepResult};
+use nerd_tasks::StepResult;
 
-use super::{Adam, Ended, Policy, PpoConfig, Running, StreamKey, TERMINATED, TRUNCATED, Taken, Updated};
-use crate::error::Result;
+use super::*;
 
 /// What a rollout is made of.
 pub struct Stage<'a> {

@@ -40,6 +40,14 @@ mod trainer;
 mod update;
 
 pub use nerd_model::program::Activation;
+use nerd_tasks::named;
+
+use crate::learner::optimiser;
+use crate::prelude::*;
+use gae::advantages;
+use noise::drawn;
+use team::Team;
+use update::orders;
 
 pub use arena::{Arena, Make};
 pub use config::{Algorithm, PpoConfig};

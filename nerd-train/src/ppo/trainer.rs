@@ -1,16 +1,8 @@
 //! Iterations of rollout and update, and the state of a run.
 
 use std::collections::VecDeque;
-use std::sync::Arc;
-use std::time::Instant;
 
-use nerd_tasks::Episodes;
-use serde::{Deserialize, Serialize};
-
-use super::team::Team;
-use super::{Adam, Algorithm, Engine, OnCpu, Policy, PpoConfig, Running, Shac, Shape, Stage, StreamKey, Updated};
-use crate::error::{Error, Result, refuse};
-use crate::ranks::Ranks;
+use super::*;
 
 /// One iteration; a line of `metrics.jsonl`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -5,19 +5,12 @@
 //! so that the divergence is that of one pass, not of all.
 
 use std::borrow::Cow;
-use std::sync::{Mutex, MutexGuard, PoisonError};
-
-use nerd_model::program::cpu::{Loaded, Memory, Pass};
-use rand::RngExt;
-use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
+use std::sync::MutexGuard;
 
 use super::loss::{Past, divergence, step};
 use super::policy::ROWS;
-use super::team::Team;
-use super::{Policy, PpoConfig, Rollout, RunningMoments, StreamKey, Terms};
+use super::*;
 use crate::learner::optimiser::{self, norm};
-use crate::ranks::RankError;
 
 /// Least and largest learning rate, and by how much it moves.
 const RATES: [f64; 2] = [1e-6, 1e-2];

@@ -1,20 +1,9 @@
 //! A run's identity, and the card of its model.
 
-use std::collections::BTreeMap;
-
-use nerd_model::folder::ModelConfig;
 use nerd_model::transformer::Storage;
 
-use super::plan::Plan;
-use super::recording::RecordConfig;
-use super::settings::{RunConfig, Variant};
-use crate::checkpoint;
-use crate::difference::between;
-use crate::evaluate::{Action, PassiveConfig, horizon};
-use crate::measured::Measured;
-use crate::prelude::*;
+use super::*;
 use crate::records::rows;
-use crate::trainer::TrainerConfig;
 use crate::verdict::recorded::recorded;
 use crate::verdict::{Verdict, verdict};
 

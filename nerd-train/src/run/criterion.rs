@@ -1,12 +1,9 @@
 //! The criterion that selects a run's weights.
 
-use nerd_model::neural::Neural;
-
-use super::card::{Identity, model_config};
+use super::card::model_config;
 use super::data::Judge;
-use super::plan::Plan;
-use crate::evaluate::{Action, PassiveConfig, PassiveReport, horizon, passive};
-use crate::prelude::*;
+use super::*;
+use crate::evaluate::{PassiveReport, passive};
 use crate::unroll::chain::distance;
 
 /// Counted where a rollout is gone (rad or m): such weights rank behind all others.

@@ -1,19 +1,14 @@
 //! One run: its data, its updates and its model.
 
-use super::agree;
-use super::card::{Identity, export, resume};
+use super::card::{export, resume};
 use super::criterion::rollout_error;
 use super::data::{Cache, Data, Judge};
 use super::engine::engine;
-use super::plan::Plan;
-use super::settings::RunConfig;
+use super::*;
 use crate::checkpoint::{self, Best};
-#[cfg(feature = "cuda")]
-use crate::device::Device;
-use crate::prelude::*;
-use crate::records::{Session, claimed};
+use crate::records::Session;
 use crate::supply::{Supply, SupplyConfig};
-use crate::trainer::{Outcome, Trainer, TrainerConfig};
+use crate::trainer::{Outcome, Trainer};
 
 /// What settings come to, ready to train.
 pub struct Run {

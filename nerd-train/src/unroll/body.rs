@@ -1,10 +1,8 @@
 //! What is rolled out.
 
-use nerd_model::program::cpu::Loaded;
 use nerd_sim::articulated::device::{Reach, record};
 
-use super::data::Motions;
-use crate::prelude::*;
+use super::*;
 
 /// Numbers of a rollout, as the host sends it to a device: motion, first frame of the update, whether it restarts, four of its view.
 pub const ROLLOUT: usize = 7;

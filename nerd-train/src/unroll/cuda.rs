@@ -5,20 +5,13 @@
 //! All of it is one captured graph. The host draws where rollouts begin, and reads back which are near enough to be carried on.
 
 use std::ops::Range;
-use std::sync::Arc;
 
 use nerd_cuda::Arg::{Double, Int, Long, Ptr};
 use nerd_cuda::{Arg, Buffer, Device, DeviceError, Replay};
 use nerd_model::program::Slot;
-use nerd_model::program::cpu::Loaded;
-use nerd_sim::system::System;
 
-use super::body::{Body, Place, ROLLOUT, Widths};
-use super::course::{BETA, Course};
-use super::data::Motions;
+use super::*;
 use crate::learner::cuda::{Network, Optimiser, Plan, Precision, joined};
-use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Progress};
-use crate::ranks::Ranks;
 
 const KERNELS: [&str; 9] = [
     "unroll_truths",

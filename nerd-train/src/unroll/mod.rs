@@ -20,6 +20,10 @@ mod learner;
 mod pass;
 pub mod robot;
 
+use crate::prelude::*;
+use body::{bent, table};
+use course::BETA;
+
 pub use body::{Body, Place, ROLLOUT, Widths, join};
 pub use course::Course;
 #[cfg(feature = "cuda")]

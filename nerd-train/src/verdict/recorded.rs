@@ -9,7 +9,6 @@ use crate::evaluate::{Action, PassiveConfig, Pieces, summary, summary_names};
 use crate::measured::Measured;
 use crate::prelude::*;
 use crate::prepare::tokens;
-use crate::progress::bar;
 
 /// Frames of the pieces that the linear map is fitted to, and of whole trajectories at least so many.
 const FRAMES: usize = 64;

@@ -1,12 +1,9 @@
 //! Records, schedule and draws.
 
-use nerd_train::learner::LearnerConfig;
 use nerd_train::records::Record;
-use nerd_train::schedule::Schedule;
-use nerd_train::trainer::TrainerConfig;
 use nerd_train::windows::draw;
 
-use crate::common::LEARNER;
+use crate::*;
 
 #[test]
 fn a_reopened_record_drops_what_will_be_written_again() {

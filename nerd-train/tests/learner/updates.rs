@@ -1,15 +1,10 @@
 //! Updates of every network: slopes, Adam, Muon, the moving average, and that something is learned.
 
-use std::sync::Arc;
-
 use nalgebra::DMatrix;
-use nerd_model::transformer::{Architecture, TransformerConfig, Weights};
 use nerd_train::learner::muon::{hidden, orthogonal, others};
 use nerd_train::learner::optimiser::{self, blend};
-use nerd_train::learner::{CpuLearner, LearnError, Learner, LearnerConfig, LearnerState, Optimizer};
-use nerd_train::windows::Windows;
 
-use crate::common::{LEARNER, NETWORK, fresh, learner, windows};
+use crate::*;
 
 /// With attention and without.
 fn networks() -> [TransformerConfig; 2] {

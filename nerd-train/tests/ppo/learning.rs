@@ -1,11 +1,9 @@
 //! Moments and stacks by hand, problems whose answers are known, runs that go on to the bit.
 
-use nerd_sim::prelude::*;
-use nerd_tasks::{About, ChaCha8Rng, Episodes, Task, View, Work, named};
-use nerd_train::ppo::{Activation, Adam, Engine, OnCpu, PpoConfig, Running, RunningMoments, Stack, Stage, StreamKey, Trainer, play};
+use nerd_tasks::{About, ChaCha8Rng, Task, View, Work};
 use rand::RngExt;
 
-use crate::{common, config, episodes, policy};
+use crate::*;
 
 #[test]
 fn moments_in_pieces_are_the_moments_of_the_whole() {

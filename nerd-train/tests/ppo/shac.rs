@@ -1,16 +1,10 @@
 //! SHAC: its gradient against central differences, what it learns in a pure model, runs that go on to the bit.
 
-use std::path::Path;
-use std::sync::Arc;
-
-use nerd_model::pick::Setting;
-use nerd_sim::prelude::*;
 use nerd_sim::solver::{Fault, Slopes};
-use nerd_sim::truth::Truth;
 use nerd_tasks::About;
 use nerd_tasks::formula::{Formulas, Number, Sight};
-use nerd_train::device::Device;
-use nerd_train::ppo::{Algorithm, Arena, Engine, PpoConfig, Running, Shac, Stage, StreamKey, Trainer, play};
+
+use crate::*;
 
 fn model(robot: &str) -> Arena {
     let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../models")).join(robot);

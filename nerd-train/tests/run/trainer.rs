@@ -1,9 +1,8 @@
 //! What a run says while it trains.
 
-use nerd_train::learner::{LearnError, Learner, LearnerState, Progress};
-use nerd_train::trainer::{Trainer, TrainerConfig};
+use nerd_train::trainer::Trainer;
 
-use crate::common::fresh;
+use crate::*;
 
 /// Learns nothing; its validations are these.
 struct Told {

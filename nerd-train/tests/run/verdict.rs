@@ -1,13 +1,10 @@
 //! Verdicts: what has learned nothing errs as its base, and what is linear is learned by the linear map.
 
-use nerd_model::base::Base;
-use nerd_model::folder::Model;
 use nerd_sim::instruments::{Glide, Hold};
-use nerd_sim::prelude::*;
-use nerd_train::evaluate::{Action, PassiveConfig, passive};
 use nerd_train::verdict::{Verdict, verdict};
 
 use crate::common::models::model;
+use crate::*;
 
 /// The base of a robot without a free root alone, as a model of weights that are 0.
 fn nothing(system: &std::sync::Arc<System>, base: Base) -> Model {

@@ -1,15 +1,9 @@
 //! The kernels of rollouts against the CPU's, without a device: their text is compiled as C++ and run on the CPU.
 
-use std::sync::Arc;
-
-use nerd_model::chain::{Chain, ChainSolver, INPUTS, OUTPUTS, Rods};
 use nerd_model::device::padded;
-use nerd_sim::dataset::GenerateConfig;
-use nerd_sim::prelude::*;
-use nerd_train::unroll::chain::{Cable, Loss, View, scales};
-use nerd_train::unroll::{Body, Motions, Place};
+use nerd_train::unroll::chain::View;
 
-use crate::cpp;
+use crate::*;
 
 /// Rollouts of a body that are compared.
 pub const ROLLOUTS: usize = 24;

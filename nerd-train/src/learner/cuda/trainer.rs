@@ -6,7 +6,6 @@
 use std::ops::Range;
 
 use super::*;
-use crate::learner::validation_rows;
 
 /// Adam's second beta.
 const BETA: f64 = 0.999;

@@ -1,14 +1,7 @@
 //! A rollout by turns with episodes elsewhere, or on the card as a whole, and the update after it.
 
-use nerd_sim::solver::StepError;
-use nerd_tasks::{Episodes, Snapshot};
-
-use super::memory::Kept;
-use super::world::World;
-use super::{CudaEngine, Orders, own, sizes};
-use crate::error::{Result, refuse};
-use crate::ppo::update::{self, Adam, Updated};
-use crate::ppo::{Engine, Policy, PpoConfig, Stage, StreamKey, Taken, Turns};
+use super::*;
+use crate::ppo::update;
 
 impl CudaEngine {
     /// The order of each pass of an update, as it is drawn.

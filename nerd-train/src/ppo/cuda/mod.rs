@@ -15,17 +15,14 @@ use std::sync::mpsc::Receiver;
 use nerd_cuda::Arg::{self, Double, Float, Int, Long, Ptr};
 use nerd_cuda::{Buffer, Device, DeviceError, Precision, Replay, Sums};
 use nerd_sim::articulated::device::{BLOCK, RANDOM, Resident, Trail, failed};
-use nerd_sim::solver::{Fault, Simulation};
-use nerd_tasks::Snapshot;
+use nerd_sim::solver::Fault;
 
 use super::noise::key;
-use super::team::Team;
-use super::{Adam, Algorithm, Ended, Policy, PpoConfig, Rollout, Running, RunningMoments, Shape, Stage, StreamKey, Taken, Terms, Updated};
 use crate::learner::cuda::{Network, Plan, joined, kernels};
-use crate::prelude::*;
 use memory::{Kept, PassState, RollKey, Steps};
 use world::World;
 
+use super::*;
 pub use shac::CudaShac;
 
 const SOURCE: [&str; 4] = [include_str!("kernels.cu"), RANDOM, include_str!("acting.cu"), include_str!("shac/kernels.cu")];

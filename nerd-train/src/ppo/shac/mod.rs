@@ -19,18 +19,8 @@ mod steps;
 mod through;
 
 use std::ops::Range;
-use std::sync::Arc;
 
-use nerd_sim::sampling::stream;
-use nerd_sim::solver::Simulation;
-use nerd_tasks::Episodes;
-use rayon::prelude::*;
-
-use super::gae::advantages;
-use super::team::Team;
-use super::{Adam, Engine, Policy, PpoConfig, RunningMoments, Stage, StreamKey, Taken, Terms, Updated};
-use crate::error::{Result, refuse};
-use crate::ranks::Ranks;
+use super::*;
 use back::{Found, back};
 use steps::Steps;
 use through::{By, through};

@@ -2,10 +2,8 @@
 
 use nerd_tasks::Trace;
 
-use crate::error::Result;
+use super::*;
 use crate::ppo::engine::endings;
-use crate::ppo::noise::drawn;
-use crate::ppo::{Actor, Ended, Stage, StreamKey, Taken};
 
 /// What is kept of a rollout, by step and environment.
 #[derive(Default)]

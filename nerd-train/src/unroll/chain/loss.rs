@@ -5,10 +5,7 @@
 //! velocities and G the error of the gripper's glide, all over a frame of time T. Errors grow along a rollout, and their scale grows with
 //! them.
 
-use nalgebra::Vector3;
-use nerd_model::chain::{Chain, Gripper, OUTPUTS, Rods};
-
-use super::super::body::bent;
+use super::*;
 
 /// Share f of a frame's change that is an error of one: of single frames, and of rollouts.
 const SHARE: [f64; 2] = [0.1, 0.2];

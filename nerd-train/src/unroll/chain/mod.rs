@@ -6,16 +6,13 @@ mod scales;
 mod view;
 
 use nerd_model::chain::{Chain, Gripper, INPUTS, Look, OUTPUTS, Outputs, Rods, chain_functions, numbers};
-use nerd_model::program::cpu::Loaded;
 
 pub use judge::distance;
 pub use loss::Loss;
 pub use scales::scales;
 pub use view::View;
 
-use super::body::{Body, Place, Widths, join, table};
-use super::data::Motions;
-use crate::prelude::*;
+use super::*;
 use judge::{apart, missed};
 
 /// Mean distance (m) of nodes from the truth beyond which a rollout teaches nothing of it any more.

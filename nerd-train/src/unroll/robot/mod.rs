@@ -1,23 +1,11 @@
 //! Robots that a network sees by one token, and whose predictions are added to the state: a token is a frame, and contacts are found anew in each predicted one.
 
-use nalgebra::Vector3;
-use nerd_core::contact::ContactEvent;
-use nerd_core::dynamics::Data;
 use nerd_core::state::wrap_state;
 use nerd_core::tangent::{difference, difference_back};
 use nerd_model::around::Around;
 use nerd_model::device::{settings, slope_functions};
-use nerd_model::features::Features;
-use nerd_model::form::Form;
-use nerd_model::normalizer::Normalizer;
-use nerd_model::program::cpu::{Loaded, Memory, Pass};
-use nerd_sim::scene::contacts;
-use nerd_sim::system::System;
-use rayon::prelude::*;
 
-use super::body::{Body, Place, Widths, bent, join, table};
-use super::data::Motions;
-use crate::learner::validation_rows;
+use super::*;
 
 /// Share of a frame's change that is an error of one.
 const SHARE: f64 = 0.02;

@@ -3,17 +3,8 @@
 
 mod way;
 
-use std::time::Instant;
-
-use nerd_cuda::Arg::{Float, Long, Ptr};
-use nerd_cuda::{Buffer, DeviceError};
-use nerd_sim::solver::{Simulation, StepError};
-use nerd_tasks::{Episodes, Snapshot};
-
-use super::{CudaEngine, World};
-use crate::error::{Result, refuse};
+use super::*;
 use crate::ppo::shac::{BETA, KEPT};
-use crate::ppo::{Adam, Engine, Policy, PpoConfig, Shac, Stage, StreamKey, Taken, Updated};
 use way::{Rolled, Way};
 
 /// SHAC on a GPU.
