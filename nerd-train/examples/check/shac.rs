@@ -105,7 +105,7 @@ fn gradients(checks: &mut Checks, task: &str, name: &str, [card, cpu]: &[Arena; 
     let apart = size(&off) / size(&here.gradient);
     let earned = largest(&[there.earned], &[here.earned]);
     let way = share_of_way(&there.weights, &here.weights, &here.first);
-    let critic = [0, 1].map(|k| apart_by(&there.critic[k], &here.critic[k]));
+    let critic = [0, 1].map(|k| share_of_way(&there.critic[k], &here.critic[k], &vec![0.0; here.critic[k].len()]));
     let what = format!(
         "{task} in the {name}: gradient {apart:.1e} of {:.1e} apart, J {earned:.1e} of {:.3}, weights {way:.1e} of their way, critics {critic:.1?}",
         size(&here.gradient),
@@ -115,10 +115,6 @@ fn gradients(checks: &mut Checks, task: &str, name: &str, [card, cpu]: &[Arena; 
     checks
         .demand(there.parts > 0 && apart < APART && earned < APART && critic.iter().all(|x| *x < 1e-2), format!("{what}; {seconds:.1} s"));
     Ok(())
-}
-
-fn apart_by(a: &[f32], b: &[f32]) -> f64 {
-    share_of_way(a, b, &vec![0.0; b.len()])
 }
 
 /// What a policy learns in so many seconds, beside the one iteration in which kernels are made: reward by time, and what the time goes to.

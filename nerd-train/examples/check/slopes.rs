@@ -6,14 +6,10 @@ use crate::with::*;
 const N: usize = 512;
 const MANY: usize = 4096;
 
-fn folder(robot: &str) -> PathBuf {
-    Path::new("models").join(robot)
-}
-
 pub fn slopes(checks: &mut Checks) -> Outcome {
     for (robot, scene) in [("cartpole", "free"), ("franka", "free"), ("ant", "ground"), ("anymal", "ground")] {
         let system = System::named(robot)?;
-        let solver = |device: Device| device.neural(&folder(robot), &system, None, N);
+        let solver = |device: Device| device.neural(&Path::new("models").join(robot), &system, None, N);
         beside(checks, robot, (&system, scene, N), [solver(Device::Cuda)?, solver(Device::Cpu)?], Some(1e-3))?;
     }
     for (robot, real, most) in

@@ -1,7 +1,7 @@
 //! What is checked with: what most parts use, numbers, windows, weights, distances.
 
 use std::error::Error;
-pub use std::path::{Path, PathBuf};
+pub use std::path::Path;
 pub use std::sync::Mutex;
 pub use std::time::Instant;
 

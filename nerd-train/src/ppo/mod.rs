@@ -42,7 +42,6 @@ mod update;
 pub use nerd_model::program::Activation;
 use nerd_tasks::named;
 
-use crate::learner::optimiser;
 use crate::prelude::*;
 use gae::advantages;
 use noise::drawn;

@@ -23,7 +23,7 @@ pub(super) fn rollout_error(plan: &Plan, identity: &Identity, judge: &Judge, wei
     };
     if let Some(measured) = &plan.measured {
         let pieces = measured.rollouts(&measured.choosing, &plan.network, config.rollouts)?;
-        return Ok(figure(&pieces.compare(&mut learned(pieces.len())?)?));
+        return Ok(figure(&pieces.compare(&mut learned(pieces.count())?)?));
     }
     let (starts, steps, seed) = (config.rollouts, horizon(&system.name), 1_000 + config.record.seed);
     let protocol = PassiveConfig { starts, steps, seed, action: Action::Zero };

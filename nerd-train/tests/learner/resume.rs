@@ -8,7 +8,7 @@ use nerd_train::trainer::{Outcome, Trainer};
 
 use crate::*;
 
-const CONFIG: TrainerConfig = TrainerConfig {
+pub const CONFIG: TrainerConfig = TrainerConfig {
     updates: 30,
     schedule: Schedule { start: 1e-3, end: 1e-4, warmup: 3, tail: 5 },
     validate_every: 6,

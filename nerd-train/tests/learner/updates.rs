@@ -11,10 +11,6 @@ fn networks() -> [TransformerConfig; 2] {
     [NETWORK, TransformerConfig { architecture: Architecture::Residual, layers: 2, ..NETWORK }]
 }
 
-fn begun(network: TransformerConfig) -> LearnerState {
-    LearnerState::new(Weights::init(network, 3))
-}
-
 #[test]
 fn gradient_does_not_depend_on_threads_and_hardly_on_shards() {
     let rows: Vec<u64> = (0..24).collect();
@@ -30,7 +26,8 @@ fn gradient_does_not_depend_on_threads_and_hardly_on_shards() {
 fn a_linear_map_is_learnt() {
     for (network, optimizer) in networks().into_iter().flat_map(|network| [(network, Optimizer::Adam), (network, Optimizer::Muon)]) {
         let config = LearnerConfig { optimizer, ..LEARNER };
-        let mut learner = CpuLearner::new(config, begun(network), [windows(0.0), windows(0.5)]).expect("windows fit");
+        let mut learner =
+            CpuLearner::new(config, LearnerState::new(Weights::init(network, 3)), [windows(0.0), windows(0.5)]).expect("windows fit");
         let before = learner.validate(1000).unwrap();
         (0..600).for_each(|_| learner.update(3e-3).expect("finite"));
         let (after, progress) = (learner.validate(1000).unwrap(), learner.progress().unwrap());

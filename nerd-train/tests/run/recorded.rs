@@ -10,7 +10,7 @@ use serde_json::Value;
 use crate::*;
 
 /// A wheel on a vertical axle with damping.
-const WHEEL: &str = r#"<robot name="wheel"><link name="a"/><link name="b"><inertial><mass value="1"/><inertia ixx="0.02" iyy="0.02" izz="0.02"
+pub const WHEEL: &str = r#"<robot name="wheel"><link name="a"/><link name="b"><inertial><mass value="1"/><inertia ixx="0.02" iyy="0.02" izz="0.02"
     ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
     <limit effort="1" velocity="8"/><dynamics damping="0.05"/></joint></robot>"#;
 const LOG: &str = "file = \"turns.csv\"\nrobot = \"wheel.urdf\"\nscene = \"free\"\ntrajectory = \"run\"\ntime = \"t\"\n\

@@ -41,12 +41,8 @@ impl Loss {
         total += vectors(&x, &true_x, self.velocity * dt * q, 2.0 * weight, &mut by_nodes[0]);
         total += vectors(&v, &true_v, self.velocity * q, weight, &mut by_nodes[1]);
         chain.nodes_back(&by_nodes, slope);
-        total + self.led(&predicted.gripper, &truth.gripper, 0.2 * weight / 12.0, &mut slope.gripper)
-    }
-
-    fn led(&self, predicted: &Gripper, truth: &Gripper, weight: f64, slope: &mut Gripper) -> f64 {
-        let pairs = predicted.numbers().zip(truth.numbers()).zip(self.gripper);
-        pairs.zip(slope.numbers_mut()).map(|(((a, b), unit), slope)| bent(a - b, 2.0 * unit, weight, slope)).sum()
+        let led = predicted.gripper.numbers().zip(truth.gripper.numbers()).zip(self.gripper).zip(slope.gripper.numbers_mut());
+        total + led.map(|(((a, b), unit), slope)| bent(a - b, 2.0 * unit, 0.2 * weight / 12.0, slope)).sum::<f64>()
     }
 }
 
