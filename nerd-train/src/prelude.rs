@@ -24,7 +24,6 @@ pub(crate) use serde::{Deserialize, Serialize};
 pub(crate) use serde_json::json;
 pub(crate) use sha2::{Digest, Sha256};
 
-pub(crate) use crate::device::Device;
 pub(crate) use crate::difference::between;
 pub(crate) use crate::error::{Error, Result, part, refuse};
 pub(crate) use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Optimizer, Progress, validation_rows};

@@ -6,6 +6,7 @@ use std::ops::Range;
 use nerd_sim::articulated::device::Real;
 
 use super::*;
+use crate::device::Device;
 #[cfg(feature = "cuda")]
 use crate::learner::cuda::Precision;
 

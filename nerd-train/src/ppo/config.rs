@@ -1,8 +1,9 @@
 //! Hyper-parameters, as of rl_games' `a2c_continuous`, with the paper's values for every task.
 
+use nerd_model::program::Activation;
 use nerd_tasks::TaskError;
 
-use super::*;
+use crate::prelude::*;
 
 /// How a policy learns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -34,6 +34,7 @@ mod settings;
 mod train;
 
 use crate::checkpoint;
+use crate::device::Device;
 use crate::evaluate::{Action, PassiveConfig, horizon};
 use crate::measured::Measured;
 use crate::prelude::*;

@@ -21,26 +21,22 @@ impl CudaEngine {
     pub(super) fn world(&mut self, episodes: &mut Episodes) -> Result<Option<World>> {
         let world = match self.world.take() {
             Some(known) => known,
-            None if self.steps_episodes => self.made(episodes)?,
-            None => None,
+            None if !self.steps_episodes => None,
+            None => match World::new(episodes, &self.net.device, self.returns.then_some(self.kept.horizon)) {
+                Err(StepError::Refused(why)) => {
+                    tell!("{why}; what is seen goes to the card once a step, and actions come back");
+                    None
+                }
+                // The solver's own kernels: it says more when it steps.
+                Err(StepError::Solver(_)) => None,
+                other => other?,
+            },
         };
         let others = self.team.exchange(vec![u64::from(world.is_some())])?;
         if others.iter().any(|other| *other != others[0]) {
             refuse!("some ranks have their episodes on the card, others do not: give all of them cards with as much free memory");
         }
         Ok(world)
-    }
-
-    fn made(&self, episodes: &mut Episodes) -> Result<Option<World>, StepError> {
-        match World::new(episodes, &self.net.device, self.returns.then_some(self.kept.horizon)) {
-            Err(StepError::Refused(why)) => {
-                tell!("{why}; what is seen goes to the card once a step, and actions come back");
-                Ok(None)
-            }
-            // The solver's own kernels: it says more when it steps.
-            Err(StepError::Solver(_)) => Ok(None),
-            other => other,
-        }
     }
 }
 
