@@ -4,7 +4,7 @@ use std::ops::RangeInclusive;
 
 use indicatif::DecimalBytes;
 
-use crate::error::{Result, refuse};
+use crate::prelude::*;
 
 /// Rollouts, trajectories, games, environments.
 pub const STARTS: RangeInclusive<u64> = 1..=1_000_000;

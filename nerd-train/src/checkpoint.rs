@@ -2,11 +2,8 @@
 //! criterion. Each is replaced atomically.
 
 use nerd_sim::files::FileError;
-use sha2::{Digest, Sha256};
 
 use crate::prelude::*;
-use crate::ranks::bytes;
-use crate::tensors::Tensors;
 
 /// The state of the run in a folder.
 pub fn last(folder: &Path) -> PathBuf {

@@ -1,12 +1,8 @@
 //! Errors of this crate.
 
-use std::path::Path;
-
 use nerd_model::folder::ModelError;
 use nerd_model::pick::PickError;
-use nerd_sim::dataset::DatasetError;
 use nerd_sim::files::FileError;
-use nerd_sim::prelude::{StepError, SystemError};
 use nerd_tasks::TaskError;
 
 /// One line that says what, where and what to do.
@@ -50,6 +46,7 @@ macro_rules! part {
         }
     )+ };
 }
+use crate::prelude::*;
 pub(crate) use part;
 
 part!(SystemError, StepError, ModelError, PickError, TaskError, DatasetError);

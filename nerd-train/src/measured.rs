@@ -2,15 +2,11 @@
 //! and nothing but a verdict sees the third.
 
 use nerd_sim::calibrate::{CalibrateError, Engine, FitConfig, Parameter, Subject};
-use nerd_sim::dataset::Recording;
 use nerd_sim::log::{Log, LogError, Trajectory};
 use nerd_sim::truth::RECORDED;
-use sha2::{Digest, Sha256};
 
-use crate::error::part;
 use crate::evaluate::{Pieces, horizon};
 use crate::prelude::*;
-use crate::progress::bar;
 
 part!(LogError, CalibrateError);
 

@@ -1,19 +1,33 @@
 //! What most files of this crate use.
 
+pub(crate) use std::collections::BTreeMap;
 pub(crate) use std::path::{Path, PathBuf};
+pub(crate) use std::sync::{Mutex, PoisonError};
 pub(crate) use std::time::{Duration, Instant};
 
 pub(crate) use nerd_model::base::Base;
-pub(crate) use nerd_model::folder::Model;
+pub(crate) use nerd_model::features::Features;
+pub(crate) use nerd_model::folder::{Model, ModelConfig};
 pub(crate) use nerd_model::form::{Form, View};
-pub(crate) use nerd_model::normalizer::Normalizer;
+pub(crate) use nerd_model::neural::Neural;
+pub(crate) use nerd_model::normalizer::{Moments, Normalizer};
+pub(crate) use nerd_model::pick::Setting;
+pub(crate) use nerd_model::program::cpu::{Loaded, Memory, Pass};
 pub(crate) use nerd_model::transformer::{Architecture, ForwardError, Positions, Stream, TransformerConfig, Weights};
-pub(crate) use nerd_sim::dataset::GenerateConfig;
+pub(crate) use nerd_sim::dataset::{DatasetError, GenerateConfig, Recording};
 pub(crate) use nerd_sim::prelude::*;
-pub(crate) use nerd_tasks::Episodes;
+pub(crate) use nerd_sim::range::within;
+pub(crate) use nerd_tasks::{ChaCha8Rng, Episodes, Snapshot, Task};
+pub(crate) use rand::RngExt;
+pub(crate) use rayon::prelude::*;
 pub(crate) use serde::{Deserialize, Serialize};
+pub(crate) use serde_json::json;
+pub(crate) use sha2::{Digest, Sha256};
 
-pub(crate) use crate::error::{Error, Result, refuse};
-pub(crate) use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Optimizer, Progress};
-pub(crate) use crate::ranks::{RankError, Ranks};
+pub(crate) use crate::difference::between;
+pub(crate) use crate::error::{Error, Result, part, refuse};
+pub(crate) use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Optimizer, Progress, validation_rows};
+pub(crate) use crate::progress::bar;
+pub(crate) use crate::ranks::{RankError, Ranks, bytes, floats};
+pub(crate) use crate::tensors::Tensors;
 pub(crate) use crate::windows::Windows;

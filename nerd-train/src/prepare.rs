@@ -1,9 +1,6 @@
 //! From recorded trajectories to normalised windows.
 
-use nerd_model::features::Features;
-use nerd_model::normalizer::Moments;
-use nerd_sim::dataset::{DatasetError, Manifest, Recording, record, sha256_of};
-use rayon::prelude::*;
+use nerd_sim::dataset::{Manifest, record, sha256_of};
 
 use crate::prelude::*;
 

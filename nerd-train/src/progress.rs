@@ -1,12 +1,11 @@
 //! Progress on standard error: a bar on a terminal, a line every twenty seconds elsewhere.
 
 use std::io::{IsTerminal, Write};
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use nerd_sim::system::System;
+
+use crate::prelude::*;
 
 static QUIET: AtomicBool = AtomicBool::new(false);
 

@@ -1,7 +1,6 @@
 //! Records of a run, one JSON object a line, appended as it runs: `metrics.jsonl` with its progress, and `sessions.jsonl` with the time of its
 //! updates or iterations by machine. Lines of metrics have a `step`, the updates done; a run that continues drops those it will write again.
 
-use std::collections::BTreeMap;
 use std::fs::{File, OpenOptions};
 use std::io::Write;
 

@@ -4,12 +4,10 @@
 //! `lr(s) = end (N - s) / k` after it; during the w updates of the warm-up it is multiplied by `(s + 1) / w`.
 //! The paper steps `1e-3 (1 - e/1000) + 1e-4 e/1000` once per epoch of 5000 updates; here every update steps.
 
-use nerd_sim::range::within;
-use serde::{Deserialize, Serialize};
+use crate::prelude::*;
 
 /// Linear decay with optional warm-up and tail.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Schedule {
     /// Rate of the first update (paper: 1e-3).
     pub start: f64,
@@ -20,13 +18,6 @@ pub struct Schedule {
     /// Last updates, over which the rate falls from `end` to zero (paper: 0). With a high `end` this is the
     /// "constant, then cool down" schedule.
     pub tail: u64,
-}
-
-impl Default for Schedule {
-    /// The paper's.
-    fn default() -> Self {
-        Self { start: 1e-3, end: 1e-4, warmup: 0, tail: 0 }
-    }
 }
 
 impl Schedule {

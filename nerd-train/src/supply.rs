@@ -6,8 +6,6 @@
 
 use std::sync::mpsc::{Receiver, sync_channel};
 
-use nerd_sim::dataset::DatasetError;
-
 use crate::prelude::*;
 use crate::prepare::{normalize, shard};
 

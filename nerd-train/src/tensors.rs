@@ -1,15 +1,14 @@
 //! The state file of runs: named vectors and metadata in one safetensors file.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 use std::fmt::Display;
-use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use nerd_model::transformer::TensorSpec;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::de::DeserializeOwned;
 
-use crate::error::{Error, Result};
+use crate::prelude::*;
 
 /// Vectors and words, to be written or as they were read.
 #[derive(Default)]

@@ -5,8 +5,6 @@
 //! The criterion is the hook's value where it gives one, or else the validation loss. Resuming is: load
 //! `last.safetensors`, make a learner of it, run the same [`TrainerConfig`] again.
 
-use nerd_sim::range::within;
-
 use crate::checkpoint::{self, Best};
 use crate::prelude::*;
 use crate::progress::{Bar, bar_from};
@@ -15,8 +13,7 @@ use crate::schedule::Schedule;
 use crate::supply::Supply;
 
 /// Length of a run and how often it does what. An interval of 0 means "only at the end".
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TrainerConfig {
     /// Updates in the whole run (paper: 999 x 5000).
     pub updates: u64,
@@ -38,20 +35,6 @@ impl TrainerConfig {
         within("updates", self.updates as f64, 1.0..=1e12, "")?;
         within("validation_windows", self.validation_windows as f64, 1.0..=1e9, "")?;
         self.schedule.check()
-    }
-}
-
-impl Default for TrainerConfig {
-    /// The paper's run.
-    fn default() -> Self {
-        Self {
-            updates: 999 * 5000,
-            schedule: Schedule::default(),
-            validate_every: 5000,
-            checkpoint_every: 250_000,
-            validation_windows: 51_200,
-            log_every: 500,
-        }
     }
 }
 

@@ -4,14 +4,9 @@ mod common;
 
 use std::time::Instant;
 
-use common::among;
-use nerd_model::form::Form;
-use nerd_sim::dataset::GenerateConfig;
-use nerd_sim::prelude::*;
-use nerd_train::prepare::{generate, moments};
-use nerd_train::ranks::{Place, RankError, Ranks};
-use nerd_train::run::{Run, RunConfig};
-use nerd_train::supply::{Supply, SupplyConfig};
+use common::*;
+use nerd_train::prepare::generate;
+use nerd_train::ranks::Place;
 
 #[test]
 fn sums_are_the_same_bits_everywhere_and_bytes_come_whole() {

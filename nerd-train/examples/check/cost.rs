@@ -1,17 +1,10 @@
 //! What a frame costs on the card with its vector-Jacobian product by state and torque, beside the frame alone, in time and memory. A robot of one's own
 //! is named by a path among the parts: `check slopes-cost robot.urdf`.
 
-use std::path::Path;
-use std::sync::Arc;
-use std::time::Instant;
-
-use nerd_model::pick::Setting;
-use nerd_sim::articulated::device::{Back, CudaArticulated, Real, Trail};
-use nerd_sim::prelude::*;
-use nerd_train::device::Device;
+use nerd_sim::articulated::device::{Back, Trail};
 
 use crate::solvers::batch;
-use crate::with::{Checks, Outcome, largest, numbers};
+use crate::with::*;
 
 /// Environments, frames that are timed, frames before them, in which robots fall.
 const N: usize = 4096;
@@ -52,13 +45,10 @@ fn begun(system: &Arc<System>, solver: &mut dyn Solver) -> Outcome<Batch> {
     Ok(batch)
 }
 
-fn gradients(system: &System) -> Vec<f64> {
-    numbers(4, N * 2 * system.robot.nv()).into_iter().map(f64::from).collect()
-}
-
 /// In one solver: the same frames alone and with their products, all of them on the card.
 fn beside(checks: &mut Checks, name: &str, system: &Arc<System>, solver: &mut dyn Solver, truth: &mut dyn Solver) -> Outcome {
-    let (batch, torques, by) = (begun(system, solver)?, driven(system, 100), gradients(system));
+    let (batch, torques) = (begun(system, solver)?, driven(system, 100));
+    let by: Vec<f64> = numbers(4, N * 2 * system.robot.nv()).into_iter().map(f64::from).collect();
     let frames = used(solver)?;
     // Once for the kernels; and what is timed is what it should be.
     let [there, here] = [solver.back(&batch, &torques, 1, &by)?.states, truth.back(&batch, &torques, 1, &by)?.states];
@@ -91,7 +81,11 @@ fn beside(checks: &mut Checks, name: &str, system: &Arc<System>, solver: &mut dy
     };
     pass(true)?;
     let (alone, both) = (pass(false)?, pass(true)?);
-    told(checks, name, [alone, both - alone]);
+    let pace = |seconds: f64| N as f64 / seconds * 1e-6;
+    let (with, slow, quick) = (both - alone, pace(both - alone), pace(alone));
+    let (ratio, [alone, with]) = (with / alone, [alone, with].map(|s| 1e6 * s));
+    let what = format!("{name}: {quick:.3} M frames/s, {slow:.3} M with products, {ratio:.2} times the time ({alone:.0} and {with:.0} us)");
+    checks.demand(ratio <= MOST, what);
     Ok(())
 }
 
@@ -99,12 +93,4 @@ fn beside(checks: &mut Checks, name: &str, system: &Arc<System>, solver: &mut dy
 fn used(solver: &mut dyn Solver) -> Outcome<usize> {
     let held = solver.resident().and_then(|resident| Some(resident.held()?.0.used()));
     Ok(held.transpose()?.unwrap_or_default() >> 20)
-}
-
-/// Of a frame alone, and of one with its product.
-fn told(checks: &mut Checks, name: &str, [alone, with]: [f64; 2]) {
-    let pace = |seconds: f64| N as f64 / seconds * 1e-6;
-    let (ratio, [alone, with], [slow, quick]) = (with / alone, [alone, with].map(|s| 1e6 * s), [pace(with), pace(alone)]);
-    let what = format!("{name}: {quick:.3} M frames/s, {slow:.3} M with products, {ratio:.2} times the time ({alone:.0} and {with:.0} us)");
-    checks.demand(ratio <= MOST, what);
 }

@@ -1,17 +1,9 @@
 //! PPO on the card: rollouts whose tasks are there are those of tasks on the CPU, and what is learned from them there is what the CPU learns.
 
-use std::path::Path;
+use nerd_tasks::names;
+use nerd_train::ppo::{Activation, OnCpu, Rollout, Shape, Taken, Updated};
 
-use nerd_model::pick::Setting;
-use nerd_sim::sampling::stream;
-use nerd_sim::system::System;
-use nerd_tasks::{Episodes, named, names};
-use nerd_train::device::Device;
-use nerd_train::ppo::{
-    Activation, Adam, Arena, CudaEngine, Engine, OnCpu, Policy, PpoConfig, Rollout, Running, Shape, StreamKey, Taken, Updated,
-};
-
-use crate::with::{Checks, Outcome, largest, share_of_way, worse};
+use crate::with::*;
 
 /// Environments, and steps of a rollout.
 const N: usize = 512;
@@ -43,7 +35,7 @@ impl Side {
 
     fn roll(&mut self, policy: &Policy, config: &PpoConfig, number: usize) -> Outcome<(Rollout, Taken)> {
         let noise = StreamKey { seed: 7, number: (number * HORIZON) as u64 };
-        let taken = self.engine.roll(&mut self.episodes, &mut self.running, policy, config, noise)?;
+        let taken = self.engine.roll(Stage { episodes: &mut self.episodes, running: &mut self.running, policy, config, noise })?;
         Ok((self.engine.rollout()?, taken))
     }
 

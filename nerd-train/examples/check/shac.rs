@@ -1,19 +1,7 @@
 //! SHAC on the card: its gradient and its critic are the CPU's, and what policies learn by it in a while.
 
-use std::path::Path;
-use std::sync::Arc;
-use std::time::Instant;
-
-use nerd_model::pick::Setting;
-use nerd_sim::articulated::device::{CudaArticulated, Real};
-use nerd_sim::prelude::*;
-use nerd_sim::truth::Truth;
-use nerd_tasks::named;
-use nerd_train::device::Device;
-use nerd_train::ppo::{Adam, Arena, CudaShac, Engine, PpoConfig, Running, Shac, StreamKey, Trainer, play};
-
 use crate::policies::under_way;
-use crate::with::{Checks, Outcome, largest, share_of_way};
+use crate::with::*;
 
 /// Environments and steps whose gradients are compared. Steps are few, since rounding grows with every contact.
 const N: usize = 64;
@@ -67,13 +55,13 @@ fn iteration(task: &str, arena: &Arena, on_card: bool) -> Outcome<Found> {
     let first = policy.flat.clone();
     let (gradient, earned, parts, critic) = if on_card {
         let mut card = CudaShac::new(shac, &policy, &config)?;
-        card.roll(&mut episodes, &mut running, &policy, &config, noise)?;
+        card.roll(Stage { episodes: &mut episodes, running: &mut running, policy: &policy, config: &config, noise })?;
         let found = (card.shac.gradient.clone(), card.shac.earned);
         card.update(&mut policy, &mut adam, &config, orders)?;
         let parts = card.spent().len();
         (found.0, found.1, parts, critics(&mut card)?)
     } else {
-        shac.roll(&mut episodes, &mut running, &policy, &config, noise)?;
+        shac.roll(Stage { episodes: &mut episodes, running: &mut running, policy: &policy, config: &config, noise })?;
         let found = (shac.gradient.clone(), shac.earned);
         shac.update(&mut policy, &mut adam, &config, orders)?;
         (found.0, found.1, 0, critics(&mut shac)?)
@@ -117,7 +105,7 @@ fn gradients(checks: &mut Checks, task: &str, name: &str, [card, cpu]: &[Arena; 
     let apart = size(&off) / size(&here.gradient);
     let earned = largest(&[there.earned], &[here.earned]);
     let way = share_of_way(&there.weights, &here.weights, &here.first);
-    let critic = [0, 1].map(|k| apart_by(&there.critic[k], &here.critic[k]));
+    let critic = [0, 1].map(|k| share_of_way(&there.critic[k], &here.critic[k], &vec![0.0; here.critic[k].len()]));
     let what = format!(
         "{task} in the {name}: gradient {apart:.1e} of {:.1e} apart, J {earned:.1e} of {:.3}, weights {way:.1e} of their way, critics {critic:.1?}",
         size(&here.gradient),
@@ -127,10 +115,6 @@ fn gradients(checks: &mut Checks, task: &str, name: &str, [card, cpu]: &[Arena; 
     checks
         .demand(there.parts > 0 && apart < APART && earned < APART && critic.iter().all(|x| *x < 1e-2), format!("{what}; {seconds:.1} s"));
     Ok(())
-}
-
-fn apart_by(a: &[f32], b: &[f32]) -> f64 {
-    share_of_way(a, b, &vec![0.0; b.len()])
 }
 
 /// What a policy learns in so many seconds, beside the one iteration in which kernels are made: reward by time, and what the time goes to.

@@ -1,27 +1,15 @@
-//! Slopes of models and of the articulated solver on the card: those of the CPU, what they cost there, and how policies learn from them (`shac.rs`).
+//! Slopes of models and of the articulated solver on the card are those of the CPU; what they cost is in `cost.rs`.
 
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::time::Instant;
-
-use nerd_sim::articulated::device::{CudaArticulated, Real};
-use nerd_sim::prelude::*;
-use nerd_train::device::Device;
-
-use crate::with::{Checks, Outcome, apart, numbers};
+use crate::with::*;
 
 /// Environments of a model, and of the articulated solver.
 const N: usize = 512;
 const MANY: usize = 4096;
 
-fn folder(robot: &str) -> PathBuf {
-    Path::new("models").join(robot)
-}
-
 pub fn slopes(checks: &mut Checks) -> Outcome {
     for (robot, scene) in [("cartpole", "free"), ("franka", "free"), ("ant", "ground"), ("anymal", "ground")] {
         let system = System::named(robot)?;
-        let solver = |device: Device| device.neural(&folder(robot), &system, None, N);
+        let solver = |device: Device| device.neural(&Path::new("models").join(robot), &system, None, N);
         beside(checks, robot, (&system, scene, N), [solver(Device::Cuda)?, solver(Device::Cpu)?], Some(1e-3))?;
     }
     for (robot, real, most) in
@@ -35,8 +23,8 @@ pub fn slopes(checks: &mut Checks) -> Outcome {
     Ok(())
 }
 
-/// What one frame and the way back over it cost on the card, and how far its slopes are from the CPU's: at most so far, unless a point may touch in 32
-/// bits that does not in 64, which is another frame.
+/// How far slopes on the card are from the CPU's: at most so far, unless a point may touch in 32 bits that does not in 64, which is another
+/// frame.
 fn beside(
     checks: &mut Checks,
     name: &str,
@@ -60,18 +48,5 @@ fn beside(
         Some(most) => checks.demand(off.iter().all(|off| *off < most), format!("{what}; {off:?}")),
         None => println!("   {what}; {off:?}"),
     }
-    let one = |back: bool, solver: &mut dyn Solver, batch: &mut Batch| -> Outcome<f64> {
-        let started = Instant::now();
-        for _ in 0..20 {
-            if back {
-                solver.back(batch, &torques, 1, &by[..n * wide])?;
-            } else {
-                solver.step(batch, &torques)?;
-            }
-        }
-        Ok(started.elapsed().as_secs_f64() / 20.0)
-    };
-    let [step, back] = [one(false, &mut *card, &mut batch)?, one(true, &mut *card, &mut batch)?].map(|s| 1e3 * s);
-    println!("   {name}: {n} environments step in {step:.2} ms, go forth and back in {back:.2} ms");
     Ok(())
 }

@@ -1,21 +1,12 @@
 //! Solvers whose batch stays on the card: that they move as on the CPU, and that harm to one environment, a full memory or too large a robot
 //! ends in a line.
 
-use std::path::Path;
-use std::sync::{Arc, Mutex};
-use std::time::Instant;
-
-use nerd_model::folder::Model;
 use nerd_model::neural::Neural;
-use nerd_model::pick::Setting;
-use nerd_model::transformer::{ForwardError, Stream, packed};
-use nerd_sim::articulated::device::{CudaArticulated, Real, Roll};
-use nerd_sim::dataset::{GenerateConfig, begin};
-use nerd_sim::prelude::*;
-use nerd_train::device::{Device, resident};
-use nerd_train::learner::cuda::{CudaStream, Precision};
+use nerd_model::transformer::packed;
+use nerd_sim::articulated::device::Roll;
+use nerd_sim::dataset::begin;
 
-use crate::with::{Checks, Outcome, largest, worse};
+use crate::with::*;
 
 /// Environments of a robot, in scenes and from starts as data sets have them.
 pub fn batch(system: &Arc<System>, n: usize) -> Outcome<Batch> {

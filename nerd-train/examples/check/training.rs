@@ -1,25 +1,15 @@
 //! Gradients and updates, of windows and through frames, on one card and on several.
 
-use std::path::Path;
-use std::sync::Arc;
-
 use nerd_model::base::Base;
 use nerd_model::chain::{Chain, ChainSolver};
 use nerd_model::features::Features;
-use nerd_model::folder::Model;
-use nerd_model::transformer::{Architecture, TransformerConfig, Weights};
-use nerd_sim::dataset::GenerateConfig;
-use nerd_sim::prelude::*;
-use nerd_train::learner::cuda::{CudaLearner, Precision};
-use nerd_train::learner::{CpuLearner, Learner, LearnerConfig, LearnerState, Optimizer};
 use nerd_train::prepare::{generate, moments};
 use nerd_train::ranks::{Place, Ranks};
 use nerd_train::unroll::chain::{Cable, Loss, scales};
 use nerd_train::unroll::robot::Robot;
-use nerd_train::unroll::{Course, CudaUnrollLearner, Motions, OnCard, UnrollLearner};
-use nerd_train::windows::draw;
+use nerd_train::unroll::{Body, Course, CudaUnrollLearner, Motions, UnrollLearner};
 
-use crate::with::{Checks, Outcome, apart, others, settings, shapes, share_of_way, weights, windows, worse};
+use crate::with::*;
 
 /// Every entry is the CPU's within this share of the root mean square of its tensor's: one that is missing is off by all of itself.
 const ENTRY: f64 = 2e-3;
@@ -111,7 +101,7 @@ fn motions(system: &Arc<System>) -> Outcome<Arc<Motions>> {
     Ok(Arc::new(Motions::record(system, &solver, &record(), &|_| ())?))
 }
 
-fn unrolled<B: OnCard>(checks: &mut Checks, system: &Arc<System>, weights: Weights, course: Course<B>) -> Outcome {
+fn unrolled<B: Body>(checks: &mut Checks, system: &Arc<System>, weights: Weights, course: Course<B>) -> Outcome {
     let (config, state) = (LearnerConfig { average: 0.9, ..settings(24) }, LearnerState::new(weights));
     let mut here = UnrollLearner::new(config, state.clone(), course.clone())?;
     let mut there = CudaUnrollLearner::new(system, config, Precision::F32, state, course, &Ranks::default())?;
@@ -133,7 +123,7 @@ pub fn ranks(checks: &mut Checks) -> Outcome {
     let (data, settings, first) = (windows(2, config, 200, 100), settings(512), LearnerState::new(weights(config)));
     let of = |rows| -> Outcome<(f32, Vec<f32>)> {
         let alone = &Ranks::default();
-        Ok(CudaLearner::of_rows(rows, alone, settings, Precision::F32, first.clone(), [&data, &data])?.gradient()?)
+        Ok(CudaLearner::new(alone, settings, Precision::F32, first.clone(), [&data, &data])?.of_rows(rows).gradient()?)
     };
     let (whole, parts) = (of(0..512)?, [of(0..100)?, of(100..512)?]);
     let sum: Vec<f32> = parts[0].1.iter().zip(&parts[1].1).map(|(a, b)| a + b).collect();

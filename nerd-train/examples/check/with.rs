@@ -1,10 +1,22 @@
-//! What is checked with: numbers, windows, weights, distances.
+//! What is checked with: what most parts use, numbers, windows, weights, distances.
 
 use std::error::Error;
+pub use std::path::Path;
+pub use std::sync::Mutex;
+pub use std::time::Instant;
 
-use nerd_model::transformer::{Architecture, Positions, TransformerConfig, Weights};
-use nerd_train::learner::LearnerConfig;
-use nerd_train::windows::{Windows, draw};
+pub use nerd_model::folder::Model;
+pub use nerd_model::pick::Setting;
+pub use nerd_model::transformer::{Architecture, ForwardError, Positions, Stream, TransformerConfig, Weights};
+pub use nerd_sim::articulated::device::{CudaArticulated, Real};
+pub use nerd_sim::dataset::GenerateConfig;
+pub use nerd_sim::prelude::*;
+pub use nerd_tasks::{Episodes, named};
+pub use nerd_train::device::{Device, resident};
+pub use nerd_train::learner::cuda::{CudaLearner, CudaStream, Precision};
+pub use nerd_train::learner::{CpuLearner, Learner, LearnerConfig, LearnerState, Optimizer};
+pub use nerd_train::ppo::{Adam, Arena, CudaEngine, CudaShac, Engine, Policy, PpoConfig, Running, Shac, Stage, StreamKey, Trainer, play};
+pub use nerd_train::windows::{Windows, draw};
 
 pub type Outcome<T = ()> = Result<T, Box<dyn Error>>;
 

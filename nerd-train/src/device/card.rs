@@ -1,6 +1,5 @@
 //! Models and solvers whose frames are on a graphics card.
 
-use nerd_model::pick::Setting;
 use nerd_sim::articulated::device::{CudaArticulated, Real, Resident, Roll};
 use nerd_sim::solver::Slopes;
 
@@ -54,6 +53,16 @@ struct WithFallback {
     fallback: Option<Box<dyn Solver>>,
 }
 
+impl WithFallback {
+    /// What makes the frames from here on.
+    fn present(&mut self) -> &mut dyn Solver {
+        match &mut self.fallback {
+            Some(fallback) => &mut **fallback,
+            None => &mut *self.whole,
+        }
+    }
+}
+
 impl Solver for WithFallback {
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
         if let Some(fallback) = &mut self.fallback {
@@ -84,17 +93,11 @@ impl Solver for WithFallback {
     }
 
     fn inner_mut(&mut self) -> Option<&mut dyn Solver> {
-        match &mut self.fallback {
-            Some(fallback) => Some(&mut **fallback),
-            None => Some(&mut *self.whole),
-        }
+        Some(self.present())
     }
 
     fn back(&mut self, batch: &Batch, torques: &[f64], rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
-        match &mut self.fallback {
-            Some(fallback) => fallback.back(batch, torques, rows, by_next),
-            None => self.whole.back(batch, torques, rows, by_next),
-        }
+        self.present().back(batch, torques, rows, by_next)
     }
 
     fn resident(&mut self) -> Option<&mut dyn Resident> {

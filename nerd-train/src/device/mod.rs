@@ -5,7 +5,6 @@ mod card;
 
 #[cfg(feature = "cuda")]
 pub use card::resident;
-use nerd_model::neural::Neural;
 use nerd_model::pick::learned;
 
 #[cfg(feature = "cuda")]

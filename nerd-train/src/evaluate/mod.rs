@@ -7,7 +7,6 @@
 use std::fmt;
 
 use nerd_sim::dataset::{Act, Drive, Smooth};
-use nerd_sim::range::within;
 
 mod gaps;
 mod pieces;

@@ -20,13 +20,8 @@ pub struct Pieces {
 
 impl Pieces {
     /// How many.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.states[0].len() / self.system.robot.state_dim()
-    }
-
-    /// Whether there is none.
-    pub fn is_empty(&self) -> bool {
-        self.states[0].is_empty()
     }
 
     /// Frames that a solver goes alone.
@@ -39,7 +34,7 @@ impl Pieces {
     /// # Errors
     /// If it can step none, or one of those that it is shown.
     pub fn compare(&self, solver: &mut dyn Solver) -> Result<PassiveReport, StepError> {
-        let (n, d) = (self.len(), self.system.robot.state_dim());
+        let (n, d) = (self.count(), self.system.robot.state_dim());
         let mut batch = Batch::new(&self.system, &self.scene, n);
         for env in 0..n {
             batch.reset(env, &self.states[0][env * d..(env + 1) * d]);

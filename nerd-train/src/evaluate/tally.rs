@@ -78,7 +78,7 @@ impl Tally {
     ) -> Result<(), StepError> {
         let (step, d) = (self.curve.len() + 1, learned.system.robot.state_dim());
         if let Err(error) = solver.step(learned, torques) {
-            error.faults()?.iter().for_each(|fault| self.fail(fault.env, step));
+            error.faults()?.iter().for_each(|fault| self.failed[fault.env] = self.failed[fault.env].or(Some(step)));
         }
         for env in 0..self.n {
             let row = env * d..(env + 1) * d;
@@ -88,13 +88,9 @@ impl Tally {
                 solver.reset(env);
             }
         }
-        self.close();
+        let total: f64 = self.last.chunks(self.width).map(|row| row.iter().sum::<f64>()).sum();
+        self.curve.push(total / (self.n * self.width) as f64);
         Ok(())
-    }
-
-    /// The solver could not go on with a rollout.
-    fn fail(&mut self, env: usize, step: usize) {
-        self.failed[env] = self.failed[env].or(Some(step));
     }
 
     /// Adds a step of a rollout, its states those of the truth, the solver and the start; whether it is still there.
@@ -115,12 +111,6 @@ impl Tally {
             self.gone[env] = Some(step);
         }
         self.gone[env].is_none()
-    }
-
-    /// Ends a step of all rollouts.
-    fn close(&mut self) {
-        let total: f64 = self.last.chunks(self.width).map(|row| row.iter().sum::<f64>()).sum();
-        self.curve.push(total / (self.n * self.width) as f64);
     }
 
     /// What it comes to after so many steps.

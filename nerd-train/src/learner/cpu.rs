@@ -1,9 +1,7 @@
 //! Any network's update on the CPU, over its program ([`nerd_model::program::cpu`]). Equal to burn's ([`super::BurnLearner`]) to
 //! rounding (test), at a fraction of the time.
 
-use std::sync::{Mutex, PoisonError};
-
-use nerd_model::program::cpu::{Loaded, Memory, Pass as Tokens};
+use nerd_model::program::cpu::Pass as Tokens;
 
 use super::sharded::{Pass, Shard, Sharded};
 use crate::prelude::*;

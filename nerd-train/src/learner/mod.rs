@@ -18,13 +18,10 @@ pub use cpu::CpuLearner;
 #[cfg(feature = "cuda")]
 pub mod cuda;
 
-use nerd_sim::range::within;
-
-use crate::error::part;
 use crate::prelude::*;
 
 /// What an update needs beside the learning rate.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LearnerConfig {
     /// Windows in an update (paper: 512).
     pub batch: usize,
@@ -36,10 +33,8 @@ pub struct LearnerConfig {
     pub seed: u64,
     /// Error, in deviations of a target, around which the loss goes over from squares to a straight line (pseudo-Huber);
     /// squares alone if none (paper).
-    #[serde(default)]
     pub huber: Option<f32>,
     /// What updates the hidden matrices (paper: Adam).
-    #[serde(default)]
     pub optimizer: Optimizer,
 }
 
@@ -54,7 +49,7 @@ impl LearnerConfig {
 }
 
 /// What updates the hidden matrices; everything else is always Adam's.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Optimizer {
     /// Adam (paper).

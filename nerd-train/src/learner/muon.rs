@@ -9,10 +9,8 @@
 use std::ops::Range;
 
 use nalgebra::DMatrix;
-use nerd_model::transformer::TransformerConfig;
-use rayon::prelude::*;
 
-use super::LearnerState;
+use crate::prelude::*;
 
 /// Momentum.
 pub const MOMENTUM: f32 = 0.95;

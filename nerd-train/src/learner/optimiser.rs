@@ -4,9 +4,8 @@
 //! `m = b1 m + (1 - b1) g`, `v = b2 v + (1 - b2) g^2`, `w -= lr (m / (1 - b1^t)) / (sqrt(v / (1 - b2^t)) + eps)`,
 //! then `a += blend (w - a)`. Entries are independent, so the result does not depend on the number of threads.
 
-use rayon::prelude::*;
-
-use super::{LearnError, LearnerConfig, LearnerState, Optimizer, Progress, muon};
+use super::muon;
+use crate::prelude::*;
 
 /// Betas of training.
 pub const BETA: [f64; 2] = [0.9f32 as f64, 0.999f32 as f64];

@@ -7,10 +7,7 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use rayon::prelude::*;
-
 use super::optimiser::{self, Optimiser};
-use super::{Learner, LearnerConfig, Progress, validation_rows};
 use crate::prelude::*;
 use crate::windows::draw;
 

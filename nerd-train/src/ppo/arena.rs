@@ -1,25 +1,14 @@
 //! The simulator that a policy acts in: a truth, or a model of one.
 
 use std::ops::Range;
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
-use nerd_model::folder::{Model, ModelConfig};
-use nerd_model::pick::Setting;
 #[cfg(feature = "cuda")]
 use nerd_sim::articulated::device::Real;
-use nerd_sim::prelude::*;
-use nerd_sim::truth::Truth;
-use nerd_tasks::{Episodes, Task, named};
 
-#[cfg(feature = "cuda")]
-use super::{Algorithm, CudaEngine, CudaShac, Engine, Shac, State};
-use super::{PpoConfig, Trainer};
+use super::*;
 use crate::device::Device;
-use crate::error::{Error, Result, refuse};
 #[cfg(feature = "cuda")]
 use crate::learner::cuda::Precision;
-use crate::ranks::Ranks;
 
 /// Makes a solver of the caller's own for a system in a scene.
 pub type Make = dyn Fn(&Arc<System>, &Arc<Scene>) -> Result<Box<dyn Solver>> + Send + Sync;

@@ -5,17 +5,9 @@
 //! environments is in their order among those of all ranks, so a run may go on with another number of ranks.
 
 use std::ops::Range;
-use std::path::Path;
-
-use nerd_tasks::Snapshot;
 
 use super::folder::{get, put};
-use super::team::Team;
-use super::{Algorithm, PpoConfig, Trainer};
-use crate::difference::between;
-use crate::error::Result;
-use crate::ranks::RankError;
-use crate::tensors::Tensors;
+use super::*;
 
 impl Trainer {
     /// Writes where the run is; `run` is whatever else the caller wants to find again. Of several ranks all call it, and the first writes.

@@ -1,11 +1,9 @@
 //! Hyper-parameters, as of rl_games' `a2c_continuous`, with the paper's values for every task.
 
 use nerd_model::program::Activation;
-use nerd_sim::range::within;
 use nerd_tasks::TaskError;
-use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Result};
+use crate::prelude::*;
 
 /// How a policy learns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -1,18 +1,8 @@
 //! [`OnCpu`]: a policy that answers and learns on the CPU, alone or as one of several ranks.
 
-use std::sync::Arc;
-
-use nerd_tasks::Episodes;
-use rayon::prelude::*;
-
-use super::gae::advantages;
 use super::loss::surprise;
-use super::noise::drawn;
-use super::team::Team;
 use super::update::update;
-use super::{Actor, Adam, Engine, Policy, PpoConfig, Rollout, Running, StreamKey, Taken, Turns, Updated};
-use crate::error::Result;
-use crate::ranks::Ranks;
+use super::*;
 
 /// On the CPU, which does not fail.
 #[derive(Default)]
@@ -71,15 +61,8 @@ impl Turns for OnCpu {
 }
 
 impl Engine for OnCpu {
-    fn roll(
-        &mut self,
-        episodes: &mut Episodes,
-        running: &mut Running,
-        policy: &Policy,
-        config: &PpoConfig,
-        noise: StreamKey,
-    ) -> Result<Taken> {
-        self.turns(episodes, running, policy, config, noise)
+    fn roll(&mut self, on: Stage) -> Result<Taken> {
+        self.turns(on)
     }
 
     fn update(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, orders: StreamKey) -> Result<Updated> {

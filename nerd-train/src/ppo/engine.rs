@@ -1,25 +1,30 @@
 //! What a policy answers on, keeps the steps of a rollout in and learns from them: PPO's `OnCpu`, or a GPU in `CudaEngine`, and `Shac`.
 
-use nerd_sim::solver::StepError;
-use nerd_tasks::{Episodes, Snapshot, StepResult};
+use nerd_tasks::StepResult;
 
-use super::{Adam, Ended, Policy, PpoConfig, Running, StreamKey, TERMINATED, TRUNCATED, Taken, Updated};
-use crate::error::Result;
+use super::*;
+
+/// What a rollout is made of.
+pub struct Stage<'a> {
+    /// What is stepped.
+    pub episodes: &'a mut Episodes,
+    /// How far they have come.
+    pub running: &'a mut Running,
+    /// Who acts.
+    pub policy: &'a Policy,
+    /// Horizon, discount.
+    pub config: &'a PpoConfig,
+    /// Of the first step; each later one has the next stream.
+    pub noise: StreamKey,
+}
 
 /// One rollout after the other, each with its update.
 pub trait Engine: Send {
     /// What the update after the next rollout needs beside it may be made from here on; `orders` is that of [`Engine::update`].
     fn ahead(&mut self, _config: &PpoConfig, _orders: StreamKey) {}
 
-    /// Steps every environment through a horizon. The first step has this noise, each later one the next stream.
-    fn roll(
-        &mut self,
-        episodes: &mut Episodes,
-        running: &mut Running,
-        policy: &Policy,
-        config: &PpoConfig,
-        noise: StreamKey,
-    ) -> Result<Taken>;
+    /// Steps every environment through a horizon.
+    fn roll(&mut self, on: Stage) -> Result<Taken>;
 
     /// All passes over the rollout, by the policy that made it. The order of steps in pass e of iteration i is drawn from a stream of its
     /// own; `orders` are their seed and the iteration.
@@ -55,30 +60,8 @@ pub(super) fn endings(result: &StepResult) -> impl Iterator<Item = u8> {
 /// A rollout by turns of a policy and the episodes: [`Turns::begin`], then [`Turns::act`] and [`Turns::arrive`] by turns, and
 /// [`Turns::finish`].
 pub trait Turns {
-    /// A whole rollout where the episodes are, if the engine can step them there.
-    fn resident(
-        &mut self,
-        _episodes: &mut Episodes,
-        _running: &mut Running,
-        _policy: &Policy,
-        _config: &PpoConfig,
-        _noise: StreamKey,
-    ) -> Result<Option<Taken>> {
-        Ok(None)
-    }
-
-    /// [`Engine::roll`], where the episodes are, or by turns with them.
-    fn turns(
-        &mut self,
-        episodes: &mut Episodes,
-        running: &mut Running,
-        policy: &Policy,
-        config: &PpoConfig,
-        noise: StreamKey,
-    ) -> Result<Taken> {
-        if let Some(taken) = self.resident(episodes, running, policy, config, noise)? {
-            return Ok(taken);
-        }
+    /// [`Engine::roll`].
+    fn turns(&mut self, Stage { episodes, running, policy, config, noise }: Stage) -> Result<Taken> {
         let (mut taken, mut actions, mut reached) = (Taken::default(), Vec::new(), Vec::new());
         let (mut rewards, mut ends) = (Vec::new(), Vec::new());
         self.begin(policy)?;

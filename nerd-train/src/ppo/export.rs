@@ -1,10 +1,7 @@
 //! Writes the result of a run: a folder with its best policy, a card and the learning curve.
 
-use std::path::Path;
-
 use super::folder::{PolicyConfig, save};
-use super::{Iteration, Trainer};
-use crate::error::{Error, Result};
+use super::*;
 use crate::records::{Session, rows};
 
 /// Iterations that `curve.csv` has, about.

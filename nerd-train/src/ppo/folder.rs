@@ -4,16 +4,9 @@
 //! parameter (`log_std`), the logarithm of the spread. `observation.mean` and `observation.variance` normalise inputs, `return.mean` and
 //! `return.variance` the value.
 
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-
 use nerd_model::transformer::TensorSpec;
-use nerd_tasks::Task;
-use serde::{Deserialize, Serialize};
 
-use super::{Policy, PpoConfig, RunningMoments, Shape};
-use crate::error::{Error, Result};
-use crate::tensors::Tensors;
+use super::*;
 
 /// What was learned, where, how; `config.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -8,9 +8,7 @@
 //!   + bounds sum (max(mu - 1.1, 0)^2 + min(mu + 1.1, 0)^2) - entropy sum (s + 1/2 ln 2 pi e)
 //! ```
 
-use serde::{Deserialize, Serialize};
-
-use super::PpoConfig;
+use super::*;
 
 /// Mean actions beyond this cost.
 const BOUND: f32 = 1.1;

@@ -40,13 +40,20 @@ mod trainer;
 mod update;
 
 pub use nerd_model::program::Activation;
+use nerd_tasks::named;
+
+use crate::prelude::*;
+use gae::advantages;
+use noise::drawn;
+use team::Team;
+use update::orders;
 
 pub use arena::{Arena, Make};
 pub use config::{Algorithm, PpoConfig};
 pub use cpu::OnCpu;
 #[cfg(feature = "cuda")]
 pub use cuda::{CudaEngine, CudaShac};
-pub use engine::{Engine, Turns};
+pub use engine::{Engine, Stage, Turns};
 pub use gae::{TERMINATED, TRUNCATED};
 pub use loss::Terms;
 pub use noise::StreamKey;

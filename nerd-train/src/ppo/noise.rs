@@ -1,11 +1,6 @@
 //! Noise on actions: normal numbers from ChaCha8 streams, so that what is drawn depends on seeds and numbers alone.
 
-use nerd_sim::sampling::stream;
-use rand::RngExt;
-use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
-
-use super::Answer;
+use super::*;
 
 /// A ChaCha8 stream of a seed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -3,8 +3,7 @@
 //! With n numbers seen so far and m new ones of mean b and variance w, `d = b - mean`:
 //! `mean += d m / (n + m)`, `variance = (n variance + m w + d^2 n m / (n + m)) / (n + m)`.
 
-use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
+use super::*;
 
 /// Running moments of columns.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -3,17 +3,13 @@
 //! Future policies go elsewhere still. So all are noisy, some trajectories begin fast, and in some the policies take turns.
 
 use std::fmt;
-use std::sync::Arc;
 
 use nerd_sim::dataset::{Act, Pilot};
-use nerd_sim::prelude::*;
 use nerd_sim::sampling::FASTEST;
-use nerd_tasks::{Task, View, Work, fast_start};
-use rand::RngExt;
-use rand_chacha::ChaCha8Rng;
+use nerd_tasks::{View, Work, fast_start};
 
 use super::noise::normal;
-use super::{Actor, Policy, Stack};
+use super::*;
 
 /// Widest noise on actions, in the policy's own spread: data that its surest actions alone had made says nothing beside them.
 const NOISE: f64 = 2.0;

@@ -1,10 +1,8 @@
 //! Whole episodes under a policy's mean actions.
 
-use nerd_sim::solver::StepError;
-use nerd_tasks::Episodes;
 use nerd_tasks::plan::Planner;
 
-use super::{Actor, Ended, Policy, Running};
+use super::*;
 
 /// One game.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -3,18 +3,10 @@
 //! One trunk with heads for mean action, value and, as an option, logarithm of the spread. Actions are drawn from the normal distribution
 //! `N(mu, exp(s)^2)`, with s a parameter by default; an environment clamps them to [-1, 1].
 
-use nerd_model::program::cpu::{Loaded, Pass};
-use nerd_model::program::{Activation, Program, policy};
+use nerd_model::program::{Program, policy};
 use nerd_model::transformer::Init;
-use nerd_sim::range::within;
-use nerd_tasks::Task;
-use rand::RngExt;
-use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
-use super::{PpoConfig, RunningMoments};
+use super::*;
 
 /// Rows that one thread takes at a time; a gradient is summed over these in order, so that threads change no bit.
 pub(super) const ROWS: usize = 512;

@@ -1,9 +1,8 @@
 //! One horizon of steps under a policy, and what the update learns from it.
 
-use nerd_sim::solver::StepError;
-use nerd_tasks::{Episodes, StepResult};
+use nerd_tasks::StepResult;
 
-use super::Stack;
+use super::*;
 
 /// Steps `[step][env]` of one iteration.
 #[derive(Clone, Debug, Default)]

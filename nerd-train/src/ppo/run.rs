@@ -3,20 +3,9 @@
 //! The folder holds `metrics.jsonl`, `sessions.jsonl` and `last.safetensors`; the same run again continues it. The policy with the largest
 //! mean reward is in `OUT/policy`.
 
-use std::path::PathBuf;
-use std::sync::Arc;
-use std::time::{Duration, Instant};
-
-use nerd_sim::prelude::*;
-use nerd_tasks::{Task, named};
-use serde_json::json;
-
 use super::export::export;
-use super::{Arena, Iteration, PpoConfig, Trainer};
+use super::*;
 use crate::bounds;
-use crate::error::{Error, Result, refuse};
-use crate::progress::bar;
-use crate::ranks::Ranks;
 use crate::records::{Record, Session, claimed};
 
 /// Two checkpoints are at least this far apart.

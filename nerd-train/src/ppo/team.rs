@@ -5,10 +5,8 @@
 //! over ranks has another order than that of one, so weights agree to rounding.
 
 use std::ops::Range;
-use std::sync::Arc;
 
-use super::{Ended, RunningMoments, Taken, Terms};
-use crate::ranks::{RankError, Ranks};
+use super::*;
 
 /// This rank among those of a run; alone by default.
 #[derive(Clone, Debug, Default)]

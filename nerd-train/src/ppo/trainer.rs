@@ -1,16 +1,8 @@
 //! Iterations of rollout and update, and the state of a run.
 
 use std::collections::VecDeque;
-use std::sync::Arc;
-use std::time::Instant;
 
-use nerd_tasks::Episodes;
-use serde::{Deserialize, Serialize};
-
-use super::team::Team;
-use super::{Adam, Algorithm, Engine, OnCpu, Policy, PpoConfig, Running, Shac, Shape, StreamKey, Updated};
-use crate::error::{Error, Result, refuse};
-use crate::ranks::Ranks;
+use super::*;
 
 /// One iteration; a line of `metrics.jsonl`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -105,7 +97,7 @@ impl Trainer {
         let noise = StreamKey { seed: self.seed.wrapping_add(NOISE), number: state.iteration * config.horizon as u64 };
         let orders = StreamKey { seed: self.seed.wrapping_add(ORDERS), number: state.iteration };
         engine.ahead(config, orders);
-        let taken = engine.roll(episodes, &mut state.running, &state.policy, config, noise)?;
+        let taken = engine.roll(Stage { episodes, running: &mut state.running, policy: &state.policy, config, noise })?;
         let taken = Team::new(&self.ranks, config.environments).together(taken)?;
         let rolled = started.elapsed().as_secs_f64();
         state.recent.extend(taken.ended.iter().map(|episode| (episode.total, episode.length)));

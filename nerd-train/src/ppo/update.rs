@@ -5,19 +5,12 @@
 //! so that the divergence is that of one pass, not of all.
 
 use std::borrow::Cow;
-use std::sync::{Mutex, MutexGuard, PoisonError};
-
-use nerd_model::program::cpu::{Loaded, Memory, Pass};
-use rand::RngExt;
-use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
+use std::sync::MutexGuard;
 
 use super::loss::{Past, divergence, step};
 use super::policy::ROWS;
-use super::team::Team;
-use super::{Policy, PpoConfig, Rollout, RunningMoments, StreamKey, Terms};
+use super::*;
 use crate::learner::optimiser::{self, norm};
-use crate::ranks::RankError;
 
 /// Least and largest learning rate, and by how much it moves.
 const RATES: [f64; 2] = [1e-6, 1e-2];
@@ -42,12 +35,7 @@ impl Adam {
         Self { m: vec![0.0; parameters], v: vec![0.0; parameters], step: 0, rate }
     }
 
-    /// One update, with the gradient's norm kept to `most`; that norm.
-    pub fn update(&mut self, flat: &mut [f32], gradient: &[f32], most: f32) -> f32 {
-        self.step([0.9, 0.999], flat, gradient, most)
-    }
-
-    /// The same with other betas.
+    /// One update with these betas, the gradient's norm kept to `most`; that norm.
     pub(super) fn step(&mut self, beta: [f64; 2], flat: &mut [f32], gradient: &[f32], most: f32) -> f32 {
         let found = norm(gradient);
         self.step += 1;
@@ -84,7 +72,7 @@ pub(super) fn update(
             let mut said = gradient(policy, &learning, &data, &own, 1.0 / batch.len() as f32, config);
             data.compare_with(&own, &said);
             team.sum(&mut said.flat, &mut said.terms)?;
-            norms += f64::from(adam.update(&mut policy.flat, &said.flat, config.gradient_norm));
+            norms += f64::from(adam.step([0.9, 0.999], &mut policy.flat, &said.flat, config.gradient_norm));
             learning.load(policy);
             let terms = said.terms.over(batch.len() as f64);
             sums.add(&terms);

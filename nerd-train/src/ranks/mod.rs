@@ -13,9 +13,8 @@ use std::ops::Range;
 use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
 
+use crate::prelude::*;
 pub use place::{Place, RankError, bytes, floats};
-
-use crate::difference::between;
 
 /// This process among those of its run.
 #[derive(Debug, Default)]

@@ -8,10 +8,9 @@ use std::io::{Error, ErrorKind, Read, Result as Io, Write};
 use std::net::{Ipv4Addr, Ipv6Addr, TcpListener, TcpStream};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering::SeqCst};
-use std::time::{Duration, Instant};
 
-use super::Ranks;
 use super::place::{Place, RankError, bytes, floats};
+use crate::prelude::*;
 
 /// Time for all to come.
 const LIMIT: Duration = Duration::from_secs(60);

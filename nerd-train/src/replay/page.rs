@@ -14,7 +14,7 @@ pub const SCRIPT: &str = include_str!("replay.js");
 const PAGE: &str = include_str!("replay.html");
 
 /// What is shown. Lengths in m; a pose is position, then quaternion x y z w, in world axes.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Replay {
     /// Over the picture.
     pub title: String,
@@ -57,13 +57,10 @@ impl Replay {
             title: title.into(),
             dt,
             up: up.into(),
-            planes: planes(scene),
+            planes: scene.colliders.iter().filter_map(|c| c.plane).map(|p| (p.normal.into(), p.offset)).collect(),
             shapes: solids(system).chain(scene.colliders.iter().filter_map(standing)).collect(),
             rods: links.filter_map(|(i, link)| Some([link.parent?, i])).collect(),
-            tracks: Vec::new(),
-            goals: Vec::new(),
-            rewards: Vec::new(),
-            apart: Vec::new(),
+            ..Self::default()
         }
     }
 
@@ -109,8 +106,4 @@ pub fn script(data: &impl Serialize) -> String {
 /// Text for a page.
 pub fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
-}
-
-fn planes(scene: &Scene) -> Vec<([f64; 3], f64)> {
-    scene.colliders.iter().filter_map(|c| c.plane).map(|p| (p.normal.into(), p.offset)).collect()
 }

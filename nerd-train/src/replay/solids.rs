@@ -2,11 +2,11 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Quaternion, Translation3};
 use nerd_core::robot::ShapeKind;
-use nerd_sim::scene::Collider;
-use nerd_sim::system::{Source, System};
-use serde::Serialize;
+use nerd_sim::system::Source;
+
+use crate::prelude::*;
 
 /// Radius of a bone over its length.
 const THICK: f64 = 0.08;

@@ -1,12 +1,6 @@
 //! What all ranks of a run agree on before it begins.
 
-use nerd_model::transformer::{TransformerConfig, Weights};
-use serde_json::json;
-
-use super::card::Identity;
-use super::settings::RunConfig;
-use crate::learner::LearnerState;
-use crate::ranks::{RankError, Ranks, bytes, floats};
+use super::*;
 
 /// Refuses to begin where ranks were given other settings: they would wait for each other in vain.
 pub(super) fn settings(ranks: &Ranks, config: &RunConfig, identity: &Identity) -> Result<(), RankError> {

@@ -1,20 +1,9 @@
 //! A run's identity, and the card of its model.
 
-use std::collections::BTreeMap;
-
-use nerd_model::folder::ModelConfig;
 use nerd_model::transformer::Storage;
 
-use super::plan::Plan;
-use super::recording::RecordConfig;
-use super::settings::{RunConfig, Variant};
-use crate::checkpoint;
-use crate::difference::between;
-use crate::evaluate::{Action, PassiveConfig, horizon};
-use crate::measured::Measured;
-use crate::prelude::*;
+use super::*;
 use crate::records::rows;
-use crate::trainer::TrainerConfig;
 use crate::verdict::recorded::recorded;
 use crate::verdict::{Verdict, verdict};
 
@@ -24,7 +13,7 @@ const LARGE: usize = 1_000_000;
 const JUDGED: usize = 16;
 
 /// What decides a run's bytes; kept in its checkpoints, so that no run is continued as another one.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Identity {
     pub robot: String,
     /// Of the robot alone, and of how it is started, driven and controlled too.
@@ -32,18 +21,17 @@ pub(super) struct Identity {
     pub system_sha256: String,
     pub truth: String,
     pub base: Base,
-    #[serde(default)]
     pub view: View,
-    #[serde(default, skip_serializing_if = "Variant::usual")]
+    #[serde(skip_serializing_if = "Variant::usual")]
     pub variant: Variant,
     pub network: TransformerConfig,
     /// Frames of a rollout in training, where it goes through them.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub unrolled: Option<usize>,
     pub learner: LearnerConfig,
     pub trainer: TrainerConfig,
     /// Of the targets, where it is not the usual one.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub epsilon: Option<f64>,
     /// Engine and precision.
     pub arithmetic: String,
@@ -54,15 +42,14 @@ pub(super) struct Identity {
     pub hold: usize,
     pub resets: f64,
     /// Who acts in part of the data, by content, and in what part.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub policies: Option<String>,
     /// Of recorded motion, what nothing learns from.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub held_out: Option<String>,
     pub data_sha256: String,
     pub transitions: usize,
     /// Transitions recorded during the run.
-    #[serde(default)]
     pub fresh: usize,
     /// What the weights it started from had been through, and what they were.
     pub from: Option<String>,

@@ -1,12 +1,9 @@
 //! The criterion that selects a run's weights.
 
-use nerd_model::neural::Neural;
-
-use super::card::{Identity, model_config};
+use super::card::model_config;
 use super::data::Judge;
-use super::plan::Plan;
-use crate::evaluate::{Action, PassiveConfig, PassiveReport, horizon, passive};
-use crate::prelude::*;
+use super::*;
+use crate::evaluate::{PassiveReport, passive};
 use crate::unroll::chain::distance;
 
 /// Counted where a rollout is gone (rad or m): such weights rank behind all others.
@@ -26,7 +23,7 @@ pub(super) fn rollout_error(plan: &Plan, identity: &Identity, judge: &Judge, wei
     };
     if let Some(measured) = &plan.measured {
         let pieces = measured.rollouts(&measured.choosing, &plan.network, config.rollouts)?;
-        return Ok(figure(&pieces.compare(&mut learned(pieces.len())?)?));
+        return Ok(figure(&pieces.compare(&mut learned(pieces.count())?)?));
     }
     let (starts, steps, seed) = (config.rollouts, horizon(&system.name), 1_000 + config.record.seed);
     let protocol = PassiveConfig { starts, steps, seed, action: Action::Zero };

@@ -1,17 +1,12 @@
 //! Training and validation data of a run: windows of tokens, or motions of a chain or a robot.
 
-use std::sync::{Mutex, PoisonError};
-
 use nerd_model::chain::ChainSolver;
 use nerd_model::trapezoid;
 
-use super::plan::Plan;
-use super::settings::Variant;
-use crate::prelude::*;
+use super::*;
 use crate::prepare::{Prepared, moments, normalize, read, tokens};
 use crate::unroll::chain::{Cable, Loss, scales};
 use crate::unroll::robot::Robot;
-use crate::unroll::{Course, Motions};
 
 /// Transitions that are validated on, and the paper's distance of their seed from the training data's.
 const VALIDATION: (usize, u64) = (200_000, 10);

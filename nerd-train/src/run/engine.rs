@@ -1,18 +1,15 @@
 //! The learner of a network, by device.
 
 use super::data::Sets;
-use super::memory;
-use super::plan::Plan;
-use crate::device::Device;
+use super::*;
 #[cfg(feature = "burn")]
 use crate::learner::BurnLearner;
+use crate::learner::CpuLearner;
 #[cfg(feature = "cuda")]
 use crate::learner::cuda::{CudaLearner, Precision};
-use crate::learner::{CpuLearner, Learner};
-use crate::prelude::*;
 #[cfg(feature = "cuda")]
 use crate::unroll::CudaUnrollLearner;
-use crate::unroll::{Course, OnCard, UnrollLearner};
+use crate::unroll::{Body, UnrollLearner};
 
 /// What learns as one of `ranks`, at the state it goes on from.
 pub(super) fn engine(plan: &Plan, ranks: &Arc<Ranks>, state: LearnerState, sets: Sets) -> Result<Box<dyn Learner>> {
@@ -42,7 +39,7 @@ fn precision(plan: &Plan) -> Precision {
 }
 
 /// What learns through many frames.
-fn unrolled<B: OnCard + 'static>(plan: &Plan, ranks: &Arc<Ranks>, state: LearnerState, course: Course<B>) -> Result<Box<dyn Learner>> {
+fn unrolled<B: Body + 'static>(plan: &Plan, ranks: &Arc<Ranks>, state: LearnerState, course: Course<B>) -> Result<Box<dyn Learner>> {
     Ok(match plan.config.device {
         Device::Cpu => {
             memory::unrolled(&plan.network, course.frames)?;

@@ -1,9 +1,7 @@
 //! A run's need of memory; too much is refused before it begins.
 
-use super::settings::RunConfig;
+use super::*;
 use crate::bounds::memory;
-use crate::device::Device;
-use crate::prelude::*;
 use crate::unroll::ROLLOUTS;
 
 /// Windows that one thread of the CPU's learner passes at a time.

@@ -33,6 +33,19 @@ mod recording;
 mod settings;
 mod train;
 
+use crate::checkpoint;
+use crate::device::Device;
+use crate::evaluate::{Action, PassiveConfig, horizon};
+use crate::measured::Measured;
+use crate::prelude::*;
+use crate::records::claimed;
+use crate::settings::{Given, Settings, settings};
+use crate::shipped;
+use crate::trainer::TrainerConfig;
+use crate::unroll::{Course, Motions};
+use card::Identity;
+use plan::Plan;
+
 pub use recipe::Recipe;
 pub use recording::RecordConfig;
 pub use settings::{RunConfig, Variant};

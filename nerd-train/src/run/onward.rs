@@ -1,9 +1,6 @@
 //! Defaults for training a model further.
 
-use nerd_model::folder::ModelConfig;
-
-use super::settings::RunConfig;
-use crate::prelude::*;
+use super::*;
 
 /// Fewest frames of a trajectory.
 const FRAMES: usize = 120;

@@ -2,21 +2,11 @@
 //! anything is recorded or written.
 
 use nerd_model::chain::{self, Chain};
-use nerd_model::features::Features;
 use nerd_sim::log::specified;
-use serde_json::json;
 
-use super::memory;
-use super::recording::RecordConfig;
-use super::settings::{RunConfig, Variant};
-use crate::device::Device;
-use crate::difference::between;
-use crate::measured::Measured;
-use crate::prelude::*;
+use super::*;
 use crate::progress;
 use crate::schedule::Schedule;
-use crate::shipped;
-use crate::trainer::TrainerConfig;
 
 /// Fewest tokens of a training sequence, if not said: short ones have few tokens with a whole past.
 const SEQUENCE: usize = 32;

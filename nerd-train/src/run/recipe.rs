@@ -17,11 +17,7 @@
 
 use serde_json::Value;
 
-use super::settings::RunConfig;
-use super::train::Run;
-use crate::measured::Measured;
-use crate::prelude::*;
-use crate::settings::{Given, Settings};
+use super::*;
 
 macro_rules! shipped {
     ($($name:literal)+) => { &[$(($name, include_str!(concat!("../../assets/runs/", $name, ".toml")))),+] };

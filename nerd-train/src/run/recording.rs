@@ -2,16 +2,12 @@
 
 use nerd_sim::dataset::{Manifest, Part, Pilot};
 
+use super::*;
 use crate::bounds::{self, FRAMES, SEEDS};
-use crate::device::{Device, truth_on_card};
+use crate::device::truth_on_card;
 use crate::ppo::Policies;
-use crate::prelude::*;
 use crate::prepare::{Prepared, generate};
-use crate::progress::bar;
-use crate::records::{claimed, shared};
-use crate::settings::settings;
-use crate::shipped;
-use crate::unroll::Motions;
+use crate::records::shared;
 
 /// Motions that one thread records: on the CPU few, so that all have some; on a card, which is shared by all of them, many.
 const ON_CPU: usize = 16;

@@ -1,10 +1,7 @@
 //! One run's settings. The defaults are the paper's network and training at a tenth of its updates.
 
-use super::recording::RecordConfig;
+use super::*;
 use crate::bounds::{BATCH, EMBEDDING, LAYERS, STARTS, TRANSITIONS, UPDATES};
-use crate::device::Device;
-use crate::prelude::*;
-use crate::settings::settings;
 
 settings! {
     /// One run of training. Files and command lines say it with these keys (`torque-scale` for `torque_scale`).

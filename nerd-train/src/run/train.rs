@@ -1,19 +1,14 @@
 //! One run: its data, its updates and its model.
 
-use super::agree;
-use super::card::{Identity, export, resume};
+use super::card::{export, resume};
 use super::criterion::rollout_error;
 use super::data::{Cache, Data, Judge};
 use super::engine::engine;
-use super::plan::Plan;
-use super::settings::RunConfig;
+use super::*;
 use crate::checkpoint::{self, Best};
-#[cfg(feature = "cuda")]
-use crate::device::Device;
-use crate::prelude::*;
-use crate::records::{Session, claimed};
+use crate::records::Session;
 use crate::supply::{Supply, SupplyConfig};
-use crate::trainer::{Outcome, Trainer, TrainerConfig};
+use crate::trainer::{Outcome, Trainer};
 
 /// What settings come to, ready to train.
 pub struct Run {
@@ -65,7 +60,7 @@ impl Run {
         let own = if leads { Some(resume(out, &identity)?.unwrap_or_else(|| LearnerState::new(first()))) } else { None };
         let state = agree::state(ranks, own, plan.network)?;
         let made = match (config.finish, leads) {
-            (true, true) => Some(self.finish(&identity, data.judge, started)?),
+            (true, true) => Some(self.finish(&identity, data.judge)?),
             (true, false) => None,
             (false, _) => self.updates(&identity, data, state, started)?,
         };
@@ -74,32 +69,53 @@ impl Run {
     }
 
     /// The best weights so far as a model.
-    fn finish(&self, identity: &Identity, judge: Judge, started: Instant) -> Result<()> {
-        let best = self.trainer(identity, started)?.best()?;
+    fn finish(&self, identity: &Identity, judge: Judge) -> Result<()> {
+        let best = self.trainer(identity)?.best()?;
         let Some(best) = best else { refuse!("{}: no validated weights of this very run", self.plan.config.out.display()) };
         let chosen = format!("{}; the run was ended there", self.averaged(&best));
         export(&self.plan, identity, judge.normalizer, best.weights, chosen)
     }
 
-    /// What is left of the updates, and then the model, if this rank is to make it and there was time for all of them.
+    /// What is left of the updates, and then the model, if this rank is to make it and there was time for all of them. Each validation ends a
+    /// line of `sessions.jsonl`.
     fn updates(&self, identity: &Identity, data: Data, state: LearnerState, started: Instant) -> Result<Option<()>> {
         let (plan, out) = (&self.plan, &self.plan.config.out);
         let (Data { judge, sets, windows, .. }, step) = (data, state.step);
-        let mut trainer = self.trainer(identity, started)?;
+        let mut trainer = self.trainer(identity)?;
         let fresh = self.supply(&judge.normalizer, step)?;
         // A device that refuses leaves nothing behind.
         let mut engine = engine(plan, &self.ranks, state, sets)?;
-        if self.ranks.leads() {
-            let path = out.join("run.json");
-            let text = serde_json::to_string_pretty(identity).map_err(Error::file(&path))?;
-            nerd_sim::files::write(&path, text.as_bytes()).map_err(Error::file(&path))?;
-            tell!("{} parameters, {windows} windows, update {step} of {}", plan.network.parameters(), plan.trainer.updates);
-        }
+        // Time that was spent until here is spent.
+        trainer.stop_at = self.left(started);
         if !self.ranks.leads() {
             trainer.run(&mut *engine, fresh, &mut |_, _| Ok(None))?;
             return Ok(None);
         }
-        let outcome = self.learn(identity, &judge, &mut trainer, &mut *engine, fresh, (step, started))?;
+        let path = out.join("run.json");
+        let text = serde_json::to_string_pretty(identity).map_err(Error::file(&path))?;
+        nerd_sim::files::write(&path, text.as_bytes()).map_err(Error::file(&path))?;
+        tell!("{} parameters, {windows} windows, update {step} of {}", plan.network.parameters(), plan.trainer.updates);
+        let mut logged = (step, Duration::ZERO);
+        let mut log = |step: u64| -> Result<()> {
+            let (now, world) = (started.elapsed(), self.ranks.world());
+            let spent = if world > 1 { format!("{world} ranks") } else { String::new() };
+            Session::log(out, logged.0, step, (now - logged.1).as_secs_f64(), &spent)?;
+            logged = (step, now);
+            Ok(())
+        };
+        let mut hook = |learner: &mut dyn Learner, step: u64| -> Result<Option<f64>> {
+            // Early weights may leave; that is an infinite error, not the end of the run.
+            let lost = |e: Error| {
+                tell!("{e}");
+                f64::INFINITY
+            };
+            let weights = if plan.config.rolls() { Some(learner.state()?.averaged()) } else { None };
+            let error = weights.map(|weights| rollout_error(plan, identity, &judge, weights).unwrap_or_else(lost));
+            log(step)?;
+            Ok(error)
+        };
+        let outcome = trainer.run(&mut *engine, fresh, &mut hook)?;
+        log(outcome.step)?;
         if !outcome.finished {
             self.say_stopped(&outcome, started);
             return Ok(None);
@@ -111,11 +127,11 @@ impl Run {
         export(plan, identity, judge.normalizer, weights, chosen).map(Some)
     }
 
-    /// What makes its updates until the minutes are over.
-    fn trainer(&self, identity: &Identity, started: Instant) -> Result<Trainer> {
+    /// What makes its updates.
+    fn trainer(&self, identity: &Identity) -> Result<Trainer> {
         let run = serde_json::to_string(identity).map_err(Error::file(&self.plan.config.out))?;
         let mut trainer = Trainer::new(self.plan.trainer, self.plan.learner.batch, &self.plan.config.out, &run);
-        (trainer.stop_at, trainer.ranks) = (self.left(started), self.ranks.clone());
+        trainer.ranks = self.ranks.clone();
         Ok(trainer)
     }
 
@@ -138,46 +154,6 @@ impl Run {
         let (updates, history, form, normalizer) = (plan.trainer.updates, plan.network.sequence(), plan.form, normalizer.clone());
         let config = SupplyConfig { data, shards, updates, step, history, form, normalizer };
         Ok(Some(Supply::new(&self.ranks, &plan.system, move || truth.solver(&system), config)?))
-    }
-
-    /// All updates, or as many as there is time for; each validation ends a line of `sessions.jsonl`.
-    fn learn(
-        &self,
-        identity: &Identity,
-        judge: &Judge,
-        trainer: &mut Trainer,
-        engine: &mut dyn Learner,
-        fresh: Option<Supply>,
-        (first, started): (u64, Instant),
-    ) -> Result<Outcome> {
-        let plan = &self.plan;
-        let mut logged = (first, Duration::ZERO);
-        let mut log = |step: u64| -> Result<()> {
-            let (now, world) = (started.elapsed(), self.ranks.world());
-            let spent = if world > 1 { format!("{world} ranks") } else { String::new() };
-            Session::log(&plan.config.out, logged.0, step, (now - logged.1).as_secs_f64(), &spent)?;
-            logged = (step, now);
-            Ok(())
-        };
-        let mut hook = |learner: &mut dyn Learner, step: u64| -> Result<Option<f64>> {
-            let error = if plan.config.rolls() {
-                let weights = learner.state()?.averaged();
-                // Early weights may leave; that is an infinite error, not the end of the run.
-                Some(rollout_error(plan, identity, judge, weights).unwrap_or_else(|e| {
-                    tell!("{e}");
-                    f64::INFINITY
-                }))
-            } else {
-                None
-            };
-            log(step)?;
-            Ok(error)
-        };
-        // Time that was spent until here is spent.
-        trainer.stop_at = self.left(started);
-        let outcome = trainer.run(engine, fresh, &mut hook)?;
-        log(outcome.step)?;
-        Ok(outcome)
     }
 
     fn say_stopped(&self, outcome: &Outcome, started: Instant) {

@@ -1,14 +1,8 @@
 //! What a network learns from, and where the rollouts of an update start.
 
 use std::ops::Range;
-use std::sync::Arc;
 
-use nerd_sim::sampling::stream;
-use rand::RngExt;
-
-use super::body::{Body, Place};
-use super::data::Motions;
-use crate::learner::LearnError;
+use super::*;
 
 /// Adam's betas: small, since gradients change as rollouts grow longer.
 pub(super) const BETA: [f64; 2] = [0.9f32 as f64, 0.98f32 as f64];

@@ -5,21 +5,13 @@
 //! All of it is one captured graph. The host draws where rollouts begin, and reads back which are near enough to be carried on.
 
 use std::ops::Range;
-use std::sync::Arc;
 
 use nerd_cuda::Arg::{Double, Int, Long, Ptr};
 use nerd_cuda::{Arg, Buffer, Device, DeviceError, Replay};
 use nerd_model::program::Slot;
-use nerd_model::program::cpu::Loaded;
-use nerd_sim::system::System;
 
-use super::body::Place;
-use super::course::{BETA, Course};
-use super::data::Motions;
-use super::kernels::{OnCard, ROLLOUT, Widths};
+use super::*;
 use crate::learner::cuda::{Network, Optimiser, Plan, Precision, joined};
-use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Progress};
-use crate::ranks::Ranks;
 
 const KERNELS: [&str; 9] = [
     "unroll_truths",
@@ -38,7 +30,7 @@ const SENT: usize = 1 << 16;
 const ALONE: usize = 32;
 
 /// Trains a network on motions, as [`super::UnrollLearner`] does.
-pub struct CudaUnrollLearner<B: OnCard> {
+pub struct CudaUnrollLearner<B: Body> {
     widths: Widths,
     config: LearnerConfig,
     course: Course<B>,
@@ -63,7 +55,7 @@ pub struct CudaUnrollLearner<B: OnCard> {
     replay: Replay,
 }
 
-impl<B: OnCard> CudaUnrollLearner<B> {
+impl<B: Body> CudaUnrollLearner<B> {
     /// Continues `state` as one of `ranks`.
     ///
     /// # Errors
@@ -184,7 +176,7 @@ struct Recorded {
 }
 
 impl Recorded {
-    fn on<B: OnCard>(d: &Device, system: &System, body: &B, motions: &Motions, colliders: usize) -> Result<Self, LearnError> {
+    fn on<B: Body>(d: &Device, system: &System, body: &B, motions: &Motions, colliders: usize) -> Result<Self, LearnError> {
         let (count, widths) = (motions.len() * (motions.frames + 1), body.widths());
         let truths = d.zeros(count * widths.state)?;
         let states = motions.states();
@@ -205,7 +197,7 @@ impl Recorded {
     }
 }
 
-impl<B: OnCard> Learner for CudaUnrollLearner<B> {
+impl<B: Body> Learner for CudaUnrollLearner<B> {
     fn update(&mut self, lr: f32) -> Result<(), LearnError> {
         let rows = self.drawn()?;
         let d = &self.network.device;

@@ -1,13 +1,8 @@
 //! Training data: recorded motions with their scenes.
 
-use std::path::Path;
-use std::sync::Arc;
+use nerd_sim::dataset::{begin, record, sha256_of};
 
-use nerd_sim::dataset::{DatasetError, GenerateConfig, Recording, begin, record, sha256_of};
-use nerd_sim::prelude::*;
-use rayon::prelude::*;
-use sha2::{Digest, Sha256};
-
+use super::*;
 use crate::prepare::{opened, recorded};
 
 /// Motions that are hashed together.

@@ -1,16 +1,8 @@
 //! Updates through many frames as a [`Learner`], so that their runs are ordinary runs.
 
-use std::sync::{Arc, Mutex, PoisonError};
-
-use nerd_model::program::cpu::{Loaded, Memory};
-use rayon::prelude::*;
-
-use super::body::Body;
-use super::course::{BETA, Course, Draw};
-use super::pass::{Rollout, Unroll};
+use super::course::Draw;
+use super::*;
 use crate::learner::optimiser::Optimiser;
-use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Progress};
-use crate::ranks::Ranks;
 
 /// Rollouts of a thread's pass: their activations in a frame stay near the processor.
 pub(crate) const ROLLOUTS: usize = 8;

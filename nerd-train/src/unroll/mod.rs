@@ -16,17 +16,19 @@ mod course;
 #[cfg(feature = "cuda")]
 mod cuda;
 mod data;
-mod kernels;
 mod learner;
 mod pass;
 pub mod robot;
 
-pub use body::{Body, Place, join};
+use crate::prelude::*;
+use body::{bent, table};
+use course::BETA;
+
+pub use body::{Body, Place, ROLLOUT, Widths, join};
 pub use course::Course;
 #[cfg(feature = "cuda")]
 pub use cuda::CudaUnrollLearner;
 pub use data::Motions;
-pub use kernels::{OnCard, ROLLOUT, Widths};
 pub(crate) use learner::ROLLOUTS;
 pub use learner::UnrollLearner;
 pub use pass::{Rollout, Unroll};

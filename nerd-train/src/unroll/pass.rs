@@ -1,9 +1,6 @@
 //! Rollouts through H frames and the gradient of their loss: back-propagation through time.
 
-use nerd_model::program::cpu::{Loaded, Memory, Pass};
-
-use super::body::{Body, Place};
-use super::course::Course;
+use super::*;
 
 /// A state on its way along a motion.
 #[derive(Clone)]

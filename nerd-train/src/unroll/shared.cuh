@@ -1,5 +1,16 @@
 // What the kernels of all bodies share; and of their programs on the CPU, how numbers come in and go out.
 
+// As the host writes it: whether it is mirrored, and how it is turned; `frame` is where the update begins.
+struct View { double mirror, sine, cosine, yaw; };
+struct Rollout { double motion, frame, anew; View view; };
+
+// Motions of so many frames: states `[motion][frames + 1]`, torques `[motion][frames]`, scenes.
+struct Motions { const double *truths, *torques, *scenes; int frames; };
+
+#define KERNEL extern "C" __global__ void
+#define WORLD const Rollout* rollouts, const double* truths, const double* torques, const double* scenes, int frames
+#define MOTIONS(env) const Rollout& r = rollouts[env]; const Motions m = {truths, torques, scenes, frames};
+
 // `weight p(e / unit)`, and its gradient.
 FN double bent(double e, double unit, double weight, double& slope) {
     e /= unit;

@@ -1,8 +1,6 @@
 //! What anything that was learned has to beat: the base alone, and a linear map on the same inputs.
 
 use nalgebra::DMatrix;
-use nerd_model::neural::Neural;
-use nerd_model::normalizer::Moments;
 use nerd_sim::instruments::Hold;
 
 use crate::prelude::*;

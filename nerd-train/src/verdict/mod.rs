@@ -7,13 +7,12 @@ mod linear;
 pub mod recorded;
 mod words;
 
-use nerd_model::pick::{Setting, learned};
+use nerd_model::pick::learned;
 use nerd_sim::instruments::{Hold, Recorder, Replay};
 
 use crate::cost::{on_one_core, powers, timed};
 use crate::evaluate::{Action, PassiveConfig, passive, summary, summary_names};
 use crate::prelude::*;
-use crate::progress::bar;
 use crate::stats::mean;
 
 /// How many times a model's error that of its base alone, and of a linear map, has to be for the network to have earned its place.

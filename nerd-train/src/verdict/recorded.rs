@@ -9,7 +9,6 @@ use crate::evaluate::{Action, PassiveConfig, Pieces, summary, summary_names};
 use crate::measured::Measured;
 use crate::prelude::*;
 use crate::prepare::tokens;
-use crate::progress::bar;
 
 /// Frames of the pieces that the linear map is fitted to, and of whole trajectories at least so many.
 const FRAMES: usize = 64;
@@ -31,7 +30,7 @@ pub fn recorded(measured: &Measured, pieces: &Pieces, model: &Model, analytic: &
     let bar = bar("verdict: solvers", (3 + maps.len() + analytic.len()) as u64);
     let of = |pieces: &Pieces, of: &str, solver: Box<dyn Solver>| -> Result<Row> {
         bar.add(1);
-        let (report, microseconds) = timed(solver, pieces.len() * pieces.torques.len(), |solver| pieces.compare(solver))?;
+        let (report, microseconds) = timed(solver, pieces.count() * pieces.torques.len(), |solver| pieces.compare(solver))?;
         Ok(Row { of: of.into(), errors: summary(system, &report.error), microseconds, diverged: report.diverged })
     };
     let row = |name: &str, solver: Box<dyn Solver>| of(pieces, name, solver);
@@ -47,7 +46,7 @@ pub fn recorded(measured: &Measured, pieces: &Pieces, model: &Model, analytic: &
                 Err(reason) => tell!("articulated, {name}: left out, {reason}"),
             }
         }
-        let protocol = PassiveConfig { starts: pieces.len(), steps: pieces.frames(), seed: 0, action: Action::Recorded(pieces.before) };
+        let protocol = PassiveConfig { starts: pieces.count(), steps: pieces.frames(), seed: 0, action: Action::Recorded(pieces.before) };
         let (robot, scene, truth) = (system.name.clone(), pieces.scene.name.clone(), measured.truth.clone());
         let quantities = summary_names(system);
         Ok::<_, Error>(Verdict { robot, scene, truth, protocol, quantities, model: own, base, hold, linear, articulated })

@@ -1,20 +1,36 @@
 //! A tiny network and a synthetic linear map it can learn.
 
 // Each test file is a crate of its own and uses a part of this.
-#![allow(dead_code)]
+#![allow(dead_code, unused_imports)]
 
 use std::net::{Ipv4Addr, TcpListener};
-use std::sync::Arc;
+pub use std::path::{Path, PathBuf};
 
-use nerd_model::base::Base;
-use nerd_model::features::Features;
-use nerd_model::folder::Model;
-use nerd_model::normalizer::{Moments, Normalizer};
-use nerd_model::transformer::{Architecture, Positions, TransformerConfig, Weights};
-use nerd_sim::prelude::*;
-use nerd_train::learner::{CpuLearner, LearnerConfig, LearnerState};
-use nerd_train::ranks::{Place, Ranks};
-use nerd_train::windows::Windows;
+pub use nerd_model::base::Base;
+pub use nerd_model::features::Features;
+pub use nerd_model::folder::{Model, ModelConfig};
+pub use nerd_model::form::{Form, View};
+pub use nerd_model::neural::Neural;
+pub use nerd_model::normalizer::{Moments, Normalizer};
+pub use nerd_model::pick::Setting;
+pub use nerd_model::program::cpu::{Loaded, Memory, Pass};
+pub use nerd_model::transformer::{Architecture, Positions, TransformerConfig, Weights};
+pub use nerd_sim::dataset::{GenerateConfig, Recording, record};
+pub use nerd_sim::prelude::*;
+pub use nerd_sim::sampling::normal;
+pub use nerd_train::device::Device;
+pub use nerd_train::evaluate::{Action, PassiveConfig, passive};
+pub use nerd_train::learner::{
+    BurnLearner, CpuLearner, LearnError, Learner, LearnerConfig, LearnerState, Optimizer, Progress, validation_rows,
+};
+pub use nerd_train::prepare::{moments, tokens};
+pub use nerd_train::ranks::{RankError, Ranks};
+pub use nerd_train::run::{Recipe, Run, RunConfig, Variant};
+pub use nerd_train::schedule::Schedule;
+pub use nerd_train::settings::Given;
+pub use nerd_train::supply::{Supply, SupplyConfig};
+pub use nerd_train::trainer::TrainerConfig;
+pub use nerd_train::windows::Windows;
 
 #[path = "../../../nerd-model/tests/common/mod.rs"]
 pub mod models;
@@ -36,8 +52,7 @@ pub const NETWORK: TransformerConfig = TransformerConfig {
 };
 
 /// 24 windows an update, clip 1, moving average 0.99.
-pub const LEARNER: LearnerConfig =
-    LearnerConfig { batch: 24, clip: 1.0, average: 0.99, seed: 7, huber: None, optimizer: nerd_train::learner::Optimizer::Adam };
+pub const LEARNER: LearnerConfig = LearnerConfig { batch: 24, clip: 1.0, average: 0.99, seed: 7, huber: None, optimizer: Optimizer::Adam };
 
 /// 30 trajectories of 12 frames: `y0 = x0 - x1 / 2`, `y1 = x2`.
 pub fn windows(phase: f32) -> Arc<Windows> {
@@ -75,7 +90,7 @@ pub fn model(system: &Arc<System>, base: Base, positions: Positions) -> Model {
 pub fn among<T: Send>(world: usize, work: impl Fn(&Arc<Ranks>) -> T + Sync) -> Vec<T> {
     let free = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|free| free.local_addr()).expect("a free port");
     let one = |rank: usize| {
-        let place = Place { rank, world, local: rank, address: "127.0.0.1".into(), port: free.port() };
+        let place = nerd_train::ranks::Place { rank, world, local: rank, address: "127.0.0.1".into(), port: free.port() };
         let ranks = Arc::new(Ranks::join(place).expect("all came"));
         let done = work(&ranks);
         ranks.leave(None);

@@ -5,3 +5,5 @@ mod common;
 mod same_as_trained;
 mod supply;
 mod tokens;
+
+use common::*;

@@ -2,16 +2,8 @@
 //! tokens that training makes of the same recording. Weights are random. Bound: the network's f32, in units of its targets' deviations.
 
 use nerd_core::state::wrap_state;
-use nerd_model::base::Base;
-use nerd_model::features::Features;
-use nerd_model::prelude::*;
-use nerd_model::program::cpu::{Loaded, Memory, Pass};
-use nerd_model::transformer::{Positions, TransformerConfig};
-use nerd_sim::dataset::{GenerateConfig, Recording, record};
-use nerd_train::prepare::{moments, tokens};
-use nerd_train::windows::Windows;
 
-use crate::common::unlearned;
+use crate::*;
 
 const FRAMES: usize = 40;
 

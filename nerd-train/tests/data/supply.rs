@@ -1,13 +1,8 @@
 //! Fresh data is the trajectories that follow those of the start, at updates that the settings alone decide.
 
-use nerd_model::form::Form;
-use nerd_model::normalizer::Normalizer;
-use nerd_sim::dataset::GenerateConfig;
-use nerd_sim::prelude::*;
-use nerd_train::prepare::{generate, moments, normalize};
-use nerd_train::ranks::Ranks;
-use nerd_train::supply::{Supply, SupplyConfig};
-use nerd_train::windows::Windows;
+use nerd_train::prepare::{generate, normalize};
+
+use crate::*;
 
 const FRAMES: usize = 5;
 const SHARD: usize = 4;

@@ -1,10 +1,9 @@
 //! Tokens are seen from the robot, wherever it stands, and from no other robot's data.
 
-use nerd_model::base::Base;
-use nerd_model::form::{Form, View};
-use nerd_sim::dataset::{GenerateConfig, Recording, generate, read_shard, record, write_shard};
-use nerd_sim::prelude::*;
-use nerd_train::prepare::{read, tokens};
+use nerd_sim::dataset::{generate, read_shard, write_shard};
+use nerd_train::prepare::read;
+
+use crate::*;
 
 fn recorded(system: &Arc<System>) -> Recording {
     let config = GenerateConfig { transitions: 320, frames: 20, ..Default::default() };

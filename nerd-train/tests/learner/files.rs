@@ -1,12 +1,9 @@
 //! Records, schedule and draws.
 
-use nerd_train::learner::LearnerConfig;
 use nerd_train::records::Record;
-use nerd_train::schedule::Schedule;
-use nerd_train::trainer::TrainerConfig;
 use nerd_train::windows::draw;
 
-use crate::common::LEARNER;
+use crate::*;
 
 #[test]
 fn a_reopened_record_drops_what_will_be_written_again() {
@@ -29,7 +26,7 @@ fn a_reopened_record_drops_what_will_be_written_again() {
 #[test]
 fn schedule_values() {
     let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} instead of {b}");
-    let paper = Schedule::default();
+    let paper = Schedule { start: 1e-3, end: 1e-4, warmup: 0, tail: 0 };
     close(paper.rate(0, 1000), 1e-3);
     close(paper.rate(500, 1000), 5.5e-4);
     close(paper.rate(999, 1000), 1.009e-4);
@@ -43,7 +40,7 @@ fn schedule_values() {
 
 #[test]
 fn settings_out_of_their_ranges_are_refused_by_name() {
-    let trainer = TrainerConfig::default();
+    let trainer = crate::resume::CONFIG;
     let schedule = |start: f64, end: f64| TrainerConfig { schedule: Schedule { start, end, ..trainer.schedule }, ..trainer };
     [trainer.check(), schedule(1e-3, 0.0).check(), LEARNER.check()].into_iter().for_each(|usual| usual.expect("usual"));
     for (refused, words) in [

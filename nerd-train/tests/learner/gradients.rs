@@ -1,12 +1,6 @@
 //! The written-out pass on the CPU against burn's autodiff.
 
-use std::sync::Arc;
-
-use nerd_model::transformer::{Architecture, Positions, TransformerConfig, Weights};
-use nerd_train::learner::{BurnLearner, CpuLearner, Learner, LearnerConfig, LearnerState, validation_rows};
-use nerd_train::windows::Windows;
-
-use crate::common::{LEARNER, NETWORK, windows};
+use crate::*;
 
 /// Shapes with and without a table, a band narrower than the sequence, heads of widths that are no whole vector; without attention.
 const SHAPES: [TransformerConfig; 5] = [

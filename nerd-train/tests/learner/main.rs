@@ -8,3 +8,5 @@ mod resume;
 mod updates;
 #[cfg(feature = "wgpu")]
 mod wgpu;
+
+use common::*;

@@ -1,18 +1,14 @@
 //! A run that is stopped and continued is the unbroken run, bit for bit.
 
-use std::path::Path;
 use std::time::Duration;
 
-use nerd_model::transformer::Weights;
 use nerd_train::checkpoint;
 use nerd_train::error::Error;
-use nerd_train::learner::{Learner, LearnerState};
-use nerd_train::schedule::Schedule;
-use nerd_train::trainer::{Outcome, Trainer, TrainerConfig};
+use nerd_train::trainer::{Outcome, Trainer};
 
-use crate::common::{LEARNER, NETWORK, fresh, learner};
+use crate::*;
 
-const CONFIG: TrainerConfig = TrainerConfig {
+pub const CONFIG: TrainerConfig = TrainerConfig {
     updates: 30,
     schedule: Schedule { start: 1e-3, end: 1e-4, warmup: 3, tail: 5 },
     validate_every: 6,

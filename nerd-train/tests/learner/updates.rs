@@ -1,23 +1,14 @@
 //! Updates of every network: slopes, Adam, Muon, the moving average, and that something is learned.
 
-use std::sync::Arc;
-
 use nalgebra::DMatrix;
-use nerd_model::transformer::{Architecture, TransformerConfig, Weights};
 use nerd_train::learner::muon::{hidden, orthogonal, others};
 use nerd_train::learner::optimiser::{self, blend};
-use nerd_train::learner::{CpuLearner, LearnError, Learner, LearnerConfig, LearnerState, Optimizer};
-use nerd_train::windows::Windows;
 
-use crate::common::{LEARNER, NETWORK, fresh, learner, windows};
+use crate::*;
 
 /// With attention and without.
 fn networks() -> [TransformerConfig; 2] {
     [NETWORK, TransformerConfig { architecture: Architecture::Residual, layers: 2, ..NETWORK }]
-}
-
-fn begun(network: TransformerConfig) -> LearnerState {
-    LearnerState::new(Weights::init(network, 3))
 }
 
 #[test]
@@ -35,7 +26,8 @@ fn gradient_does_not_depend_on_threads_and_hardly_on_shards() {
 fn a_linear_map_is_learnt() {
     for (network, optimizer) in networks().into_iter().flat_map(|network| [(network, Optimizer::Adam), (network, Optimizer::Muon)]) {
         let config = LearnerConfig { optimizer, ..LEARNER };
-        let mut learner = CpuLearner::new(config, begun(network), [windows(0.0), windows(0.5)]).expect("windows fit");
+        let mut learner =
+            CpuLearner::new(config, LearnerState::new(Weights::init(network, 3)), [windows(0.0), windows(0.5)]).expect("windows fit");
         let before = learner.validate(1000).unwrap();
         (0..600).for_each(|_| learner.update(3e-3).expect("finite"));
         let (after, progress) = (learner.validate(1000).unwrap(), learner.progress().unwrap());

@@ -2,10 +2,8 @@
 
 use burn::tensor::{DeviceKind, DeviceType};
 use nerd_model::BurnDevice;
-use nerd_model::transformer::{Architecture, Positions, TransformerConfig, Weights};
-use nerd_train::learner::{BurnLearner, CpuLearner, Learner, LearnerConfig, LearnerState};
 
-use crate::common::{LEARNER, NETWORK, windows};
+use crate::*;
 
 #[test]
 fn losses_on_a_card_follow_the_cpus() {

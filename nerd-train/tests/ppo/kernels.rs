@@ -1,10 +1,8 @@
 //! The kernels of PPO's rollouts against the CPU's engine, without a device: their text is compiled as C++ and run on the CPU.
 
 use nerd_sim::articulated::device::RANDOM;
-use nerd_sim::sampling::{normal, stream};
-use nerd_train::ppo::{Activation, OnCpu, Policy, PpoConfig, RunningMoments, StreamKey, Turns};
 
-use crate::cpp;
+use crate::*;
 
 /// Environments, numbers of an observation and of an action (odd, so that the two numbers of a draw can be of two rows), steps.
 const N: usize = 37;

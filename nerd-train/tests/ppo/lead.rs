@@ -1,11 +1,6 @@
 //! A policy that moves a cable: it learns, and it learns in a model of the cable as well.
 
-use std::path::Path;
-
-use nerd_sim::truth::Truth;
-use nerd_train::device::Device;
-use nerd_train::ppo::{Arena, Game, Policy, PolicyRun, PpoConfig, Trainer, folder, play};
-use nerd_train::run::{Run, RunConfig, Variant};
+use crate::*;
 
 const TASK: &str = "lead-tip";
 

@@ -1,11 +1,9 @@
 //! Moments and stacks by hand, problems whose answers are known, runs that go on to the bit.
 
-use nerd_sim::prelude::*;
-use nerd_tasks::{About, ChaCha8Rng, Episodes, Task, View, Work, named};
-use nerd_train::ppo::{Activation, Adam, Engine, OnCpu, PpoConfig, Running, RunningMoments, Stack, StreamKey, Trainer, play};
+use nerd_tasks::{About, ChaCha8Rng, Task, View, Work};
 use rand::RngExt;
 
-use crate::{common, config, episodes, policy};
+use crate::*;
 
 #[test]
 fn moments_in_pieces_are_the_moments_of_the_whole() {
@@ -115,7 +113,8 @@ fn the_first_ratio_of_an_update_is_one() {
     let (mut running, mut engine) = (Running::new(&episodes, 1), OnCpu::default());
     for iteration in 0..3 {
         let noise = StreamKey { seed: 7, number: iteration * 16 };
-        engine.roll(&mut episodes, &mut running, &policy, &config, noise).expect("steps");
+        let on = Stage { episodes: &mut episodes, running: &mut running, policy: &policy, config: &config, noise };
+        engine.roll(on).expect("steps");
         let before = policy.seen.clone();
         let updated = engine.update(&mut policy, &mut adam, &config, StreamKey { seed: 8, number: iteration }).expect("learns").terms;
         println!("iteration {iteration}: KL {:.1e}, clipped {}, actor loss {:.1e}", updated.kl, updated.clipped, updated.actor);

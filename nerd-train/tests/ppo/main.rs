@@ -15,10 +15,10 @@ mod ranks;
 mod shac;
 mod slopes;
 
-use nerd_model::pick::Setting;
-use nerd_sim::sampling::stream;
-use nerd_tasks::Episodes;
-use nerd_train::ppo::{Activation, Arena, Policy, PpoConfig, Shape};
+use common::*;
+use nerd_tasks::{Episodes, named};
+use nerd_train::ppo::Shape;
+use nerd_train::ppo::*;
 
 /// Small settings, but for what a text says.
 fn config(text: &str) -> PpoConfig {

@@ -1,12 +1,9 @@
 //! Policies act in the share of the data that was asked for, as they would in episodes, from fast starts and in turn in part of
 //! it, and the same seed gives the same bytes.
 
-use std::sync::Arc;
+use nerd_tasks::Task;
 
-use nerd_sim::dataset::{GenerateConfig, Recording, record};
-use nerd_sim::prelude::*;
-use nerd_tasks::{Task, named};
-use nerd_train::ppo::{Activation, Policies, Policy};
+use crate::*;
 
 /// A policy that pulls all joints so strongly one way, hardly noisy.
 fn pulling(pull: f32, task: &str, observation: usize, action: usize, stack: usize) -> (Arc<dyn Task>, Policy) {

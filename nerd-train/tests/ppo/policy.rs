@@ -1,11 +1,10 @@
 //! Policies against the textbook in f64: what shipped ones say, gradients of the loss; and their folders and settings.
 
-use nerd_sim::sampling::stream;
-use nerd_sim::truth::Truth;
-use nerd_tasks::{named, names};
+use nerd_tasks::names;
 use nerd_train::ppo::folder::{PolicyConfig, load, save};
-use nerd_train::ppo::{Activation, Adam, Engine, OnCpu, Policy, PpoConfig, Rollout, RunningMoments, Shape, StreamKey};
 use rand::RngExt;
+
+use crate::*;
 
 #[test]
 fn gradients_are_those_of_the_loss_written_down_in_f64() {

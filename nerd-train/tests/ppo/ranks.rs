@@ -1,14 +1,6 @@
 //! Several ranks learn what one learns: the same episodes, and weights that are equal everywhere and those of one to rounding.
 
-use std::sync::Arc;
-
-use nerd_model::pick::Setting;
-use nerd_tasks::named;
-use nerd_train::ppo::{Arena, PpoConfig, Trainer};
-use nerd_train::ranks::Ranks;
-
-use crate::common::among;
-use crate::config;
+use crate::*;
 
 #[test]
 fn policies_do_not_depend_on_the_number_of_ranks() {

@@ -1,16 +1,10 @@
 //! SHAC: its gradient against central differences, what it learns in a pure model, runs that go on to the bit.
 
-use std::path::Path;
-use std::sync::Arc;
-
-use nerd_model::pick::Setting;
-use nerd_sim::prelude::*;
 use nerd_sim::solver::{Fault, Slopes};
-use nerd_sim::truth::Truth;
 use nerd_tasks::About;
 use nerd_tasks::formula::{Formulas, Number, Sight};
-use nerd_train::device::Device;
-use nerd_train::ppo::{Algorithm, Arena, Engine, PpoConfig, Running, Shac, StreamKey, Trainer, play};
+
+use crate::*;
 
 fn model(robot: &str) -> Arena {
     let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../models")).join(robot);
@@ -29,7 +23,9 @@ fn rolled(arena: &Arena, task: &str, config: &PpoConfig, by: f64, along: &[f64])
     // Some columns are far beyond others, so that moments count.
     state.policy.seen.update(episodes.observations());
     state.policy.flat.iter_mut().zip(along).for_each(|(w, x)| *w += (by * x) as f32);
-    engine.roll(&mut episodes, &mut running, &state.policy, config, StreamKey { seed: 5, number: 0 }).expect("a rollout");
+    let noise = StreamKey { seed: 5, number: 0 };
+    let on = Stage { episodes: &mut episodes, running: &mut running, policy: &state.policy, config, noise };
+    engine.roll(on).expect("a rollout");
     (engine.earned, engine.gradient)
 }
 
@@ -178,7 +174,8 @@ fn an_environment_without_finite_slopes_is_left_out_and_begins_anew() {
         let Trainer { mut episodes, mut state, .. } = arena.trainer(task, config.clone(), 3, &Default::default()).expect("a run");
         let mut engine = Shac::new(&mut episodes, &mut state.policy, &config, 4, &Default::default()).expect("slopes");
         let noise = StreamKey { seed: 5, number: 0 };
-        let taken = engine.roll(&mut episodes, &mut state.running, &state.policy, &config, noise).expect("a rollout");
+        let on = Stage { episodes: &mut episodes, running: &mut state.running, policy: &state.policy, config: &config, noise };
+        let taken = engine.roll(on).expect("a rollout");
         (engine.gradients(&state.policy), engine.gradient, taken.failed, episodes.simulation.batch.frames.clone(), state.running)
     };
     let (whole, sum, none, ..) = rolled(f64::MAX, true);

@@ -1,18 +1,16 @@
 //! Slopes against central differences on states that shipped policies visit in the truth: by state, torque and
 //! parameter, and of rollouts of 32 frames, of the articulated solver.
 
-use std::sync::{Arc, Mutex};
+use std::sync::Mutex;
 
 use nerd_core::tangent::{difference, moved};
 use nerd_sim::articulated::numbers;
-use nerd_sim::prelude::*;
-use nerd_sim::solver::{Slopes, StepError};
-use nerd_tasks::{Episodes, named};
+use nerd_sim::solver::Slopes;
 use nerd_train::ppo::folder::load;
-use nerd_train::ppo::play;
 use nerd_train::shipped;
 
 use crate::differences::*;
+use crate::*;
 
 /// Tasks, with the policies that were trained in the truth.
 const TASKS: [&str; 6] = ["cartpole-swingup", "ant-run", "ant-spin-track", "anymal-forward", "franka-reach", "franka-reach-torque"];

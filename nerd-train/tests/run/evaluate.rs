@@ -1,7 +1,6 @@
 //! Passive evaluation: what is held against itself has no error at all, whatever drives it.
 
-use nerd_sim::prelude::*;
-use nerd_train::evaluate::{Action, PassiveConfig, passive};
+use crate::*;
 
 #[test]
 fn a_solver_against_itself_has_no_error() {

@@ -7,3 +7,5 @@ mod recorded;
 mod settings;
 mod trainer;
 mod verdict;
+
+use common::*;

@@ -1,20 +1,16 @@
 //! Recorded motion as a truth: what is learned, what is held out, what stands beside it.
 
 use std::fmt::Write;
-use std::path::Path;
 
-use nerd_model::folder::Model;
-use nerd_sim::prelude::*;
-use nerd_sim::sampling::normal;
 use nerd_train::evaluate::Pieces;
 use nerd_train::measured::Measured;
-use nerd_train::run::{Recipe, Run, RunConfig};
-use nerd_train::settings::Given;
 use nerd_train::verdict::recorded::recorded;
 use serde_json::Value;
 
+use crate::*;
+
 /// A wheel on a vertical axle with damping.
-const WHEEL: &str = r#"<robot name="wheel"><link name="a"/><link name="b"><inertial><mass value="1"/><inertia ixx="0.02" iyy="0.02" izz="0.02"
+pub const WHEEL: &str = r#"<robot name="wheel"><link name="a"/><link name="b"><inertial><mass value="1"/><inertia ixx="0.02" iyy="0.02" izz="0.02"
     ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
     <limit effort="1" velocity="8"/><dynamics damping="0.05"/></joint></robot>"#;
 const LOG: &str = "file = \"turns.csv\"\nrobot = \"wheel.urdf\"\nscene = \"free\"\ntrajectory = \"run\"\ntime = \"t\"\n\

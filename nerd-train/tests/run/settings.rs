@@ -1,15 +1,9 @@
 //! Runs from their settings: files, options over them, chains, and what comes out.
 
-use std::path::{Path, PathBuf};
-
-use nerd_model::base::Base;
-use nerd_model::folder::{Model, ModelConfig};
-use nerd_model::form::Form;
-use nerd_model::transformer::Architecture;
 use nerd_sim::dataset::Part;
-use nerd_sim::prelude::*;
-use nerd_train::run::{Recipe, Run, RunConfig};
-use nerd_train::settings::{Given, Settings};
+use nerd_train::settings::Settings;
+
+use crate::*;
 
 fn given(pairs: &[(&str, serde_json::Value)]) -> Given {
     pairs.iter().map(|(key, value)| (key.to_string(), value.clone())).collect()

@@ -1,9 +1,8 @@
 //! What a run says while it trains.
 
-use nerd_train::learner::{LearnError, Learner, LearnerState, Progress};
-use nerd_train::trainer::{Trainer, TrainerConfig};
+use nerd_train::trainer::Trainer;
 
-use crate::common::fresh;
+use crate::*;
 
 /// Learns nothing; its validations are these.
 struct Told {
@@ -34,7 +33,9 @@ impl Learner for Told {
 fn told(losses: &[f32], stop: usize) -> Vec<(u64, u64)> {
     let folder = tempfile::tempdir().expect("a temporary folder");
     for (first, last) in [(0, stop), (stop, losses.len())] {
-        let config = TrainerConfig { updates: last as u64, validate_every: 1, checkpoint_every: 0, ..Default::default() };
+        let (updates, schedule) = (last as u64, Schedule { start: 1e-3, end: 1e-4, warmup: 0, tail: 0 });
+        let config =
+            TrainerConfig { updates, schedule, validate_every: 1, checkpoint_every: 0, validation_windows: 51_200, log_every: 500 };
         let mut learner = Told { state: LearnerState { step: first as u64, ..fresh() }, losses: losses.to_vec() };
         Trainer::new(config, 1, folder.path(), "{}").run(&mut learner, None, &mut |_, _| Ok(None)).expect("a run");
     }

@@ -1,24 +1,16 @@
 //! Verdicts: what has learned nothing errs as its base, and what is linear is learned by the linear map.
 
-use nerd_model::base::Base;
-use nerd_model::folder::Model;
 use nerd_sim::instruments::{Glide, Hold};
-use nerd_sim::prelude::*;
-use nerd_train::evaluate::{Action, PassiveConfig, passive};
 use nerd_train::verdict::{Verdict, verdict};
 
 use crate::common::models::model;
+use crate::*;
 
-/// The base of a robot without a free root alone, as a model of weights that are 0.
-fn nothing(system: &std::sync::Arc<System>, base: Base) -> Model {
-    let mut model = model(system, base);
-    model.weights.flat.fill(0.0);
-    model
-}
-
-fn judged(system: &std::sync::Arc<System>, scene: &str, base: Base, action: Action) -> Verdict {
-    let protocol = PassiveConfig { starts: 4, steps: 30, seed: 5, action };
-    let found = verdict(system, &system.scene(scene).expect("a scene"), &nothing(system, base), protocol);
+/// Of the base of a robot without a free root alone, as a model of weights that are 0.
+fn judged(system: &Arc<System>, scene: &str, base: Base, action: Action) -> Verdict {
+    let (protocol, mut nothing) = (PassiveConfig { starts: 4, steps: 30, seed: 5, action }, model(system, base));
+    nothing.weights.flat.fill(0.0);
+    let found = verdict(system, &system.scene(scene).expect("a scene"), &nothing, protocol);
     let found = found.expect("a truth that steps").expect("a verdict");
     println!("{found}\n");
     found
@@ -48,11 +40,8 @@ fn a_model_that_adds_nothing_is_its_base_and_is_told_so() {
 #[test]
 fn a_linear_motion_is_learned_by_the_linear_map() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let urdf = r#"<robot name="wheel"><link name="a"/><link name="b"><inertial><mass value="1"/><inertia ixx="0.02" iyy="0.02" izz="0.02"
-        ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>
-        <limit effort="1" velocity="8"/><dynamics damping="0.05"/></joint></robot>"#;
     let path = folder.path().join("wheel.urdf");
-    std::fs::write(&path, urdf).expect("written");
+    std::fs::write(&path, crate::recorded::WHEEL).expect("written");
     let system = System::named(&path.display().to_string()).expect("a robot");
     let found = judged(&system, "free", Base::State, Action::Random(1.0));
     let share = found.linear.errors[0] / found.base.errors[0];

@@ -1,15 +1,9 @@
 //! The kernels of rollouts against the CPU's, without a device: their text is compiled as C++ and run on the CPU.
 
-use std::sync::Arc;
-
-use nerd_model::chain::{Chain, ChainSolver, INPUTS, OUTPUTS, Rods};
 use nerd_model::device::padded;
-use nerd_sim::dataset::GenerateConfig;
-use nerd_sim::prelude::*;
-use nerd_train::unroll::chain::{Cable, Loss, View, scales};
-use nerd_train::unroll::{Motions, OnCard, Place};
+use nerd_train::unroll::chain::View;
 
-use crate::cpp;
+use crate::*;
 
 /// Rollouts of a body that are compared.
 pub const ROLLOUTS: usize = 24;
@@ -86,7 +80,7 @@ impl Output<'_> {
 /// A body's rollouts by its kernels against the CPU's, from these places on: largest differences of the state after a frame, its tokens,
 /// the loss, its slopes, those by outputs and by the state before; and the CPU's tokens. Some programs tell that state, too, which is then
 /// part of the first, and whether the next is near the truth. `rows` tokens have so many `inputs` and `outputs`.
-pub fn apart_on_cpu<B: OnCard<State: Numbers, Slope: Numbers>>(
+pub fn apart_on_cpu<B: Body<State: Numbers, Slope: Numbers>>(
     compiler: &cpp::Compiler,
     (body, system, motions): (&B, &Arc<System>, &Motions),
     starts: &[Place<B::View>],

@@ -7,3 +7,8 @@ mod cpp;
 mod kernels;
 mod robots;
 mod rollouts;
+
+use common::*;
+use nerd_model::chain::{Chain, ChainSolver, INPUTS, OUTPUTS, Rods};
+use nerd_train::unroll::chain::{Cable, Loss, scales};
+use nerd_train::unroll::{Body, Course, Motions, Place, UnrollLearner};

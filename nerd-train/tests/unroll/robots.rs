@@ -1,22 +1,10 @@
 //! Robots seen by one token: slopes through frames, their kernels against the CPU, and that rollouts come nearer to the truth.
 
-use std::sync::Arc;
-
-use nerd_model::base::Base;
-use nerd_model::features::Features;
-use nerd_model::form::{Form, View};
-use nerd_model::normalizer::Normalizer;
-use nerd_model::transformer::{Architecture, TransformerConfig, Weights};
-use nerd_sim::dataset::GenerateConfig;
-use nerd_sim::prelude::*;
-use nerd_train::learner::{Learner, LearnerConfig, LearnerState, Optimizer};
-use nerd_train::prepare::{generate, moments};
-use nerd_train::ranks::Ranks;
+use nerd_train::prepare::generate;
 use nerd_train::unroll::robot::Robot;
-use nerd_train::unroll::{Body, Course, Motions, Place, UnrollLearner};
 
 use crate::kernels::{ROLLOUTS, apart, apart_on_cpu, exact, some, worse};
-use crate::{cpp, rollouts};
+use crate::*;
 
 /// As the paper has it, with positions that go with their velocities, and with velocities of contact points.
 const ROBOTS: [(&str, Base, View); 11] = [

@@ -1,20 +1,11 @@
 //! Chains: views of a motion, scenes drawn again, the slope of a rollout's loss, and that something is learned.
 
-use std::sync::Arc;
+use nerd_model::chain::Look;
+use nerd_sim::dataset::{Manifest, generate};
+use nerd_train::unroll::chain::{View, distance};
+use nerd_train::unroll::{Rollout, Unroll};
 
-use nerd_model::chain::{Chain, ChainSolver, INPUTS, Look, OUTPUTS, Rods};
-use nerd_model::pick::Setting;
-use nerd_model::program::cpu::{Loaded, Memory};
-use nerd_model::transformer::{Architecture, TransformerConfig, Weights};
-use nerd_sim::dataset::{GenerateConfig, Manifest, generate};
-use nerd_sim::prelude::*;
-use nerd_train::learner::{Learner, LearnerConfig, LearnerState, Optimizer};
-use nerd_train::ranks::Ranks;
-use nerd_train::run::{Run, RunConfig, Variant};
-use nerd_train::unroll::chain::{Cable, Loss, View, distance, scales};
-use nerd_train::unroll::{Body, Course, Motions, Place, Rollout, Unroll, UnrollLearner};
-
-use crate::common;
+use crate::*;
 
 const CABLE: &str = "[cable]\nlength = 0.4\ndiameter = 0.008\nmass = 0.03\nbending = 1e-3\nlinks = 6\nat = [0.1, 0.05, 0.1]\n\
     [random_pegs]\ncount = 3\nradius = \"U(0.02, 0.04)\"\nheight = 0.15\nat = [\"U(0.0, 0.6)\", \"U(-0.3, 0.3)\", \"U(0, 0)\"]";

@@ -31,7 +31,7 @@ use plan::Part;
 
 pub use forward::CudaForward;
 pub use nerd_cuda::Precision;
-pub(crate) use network::Network;
+pub(crate) use network::{Network, kernels};
 pub(crate) use optimiser::Optimiser;
 pub(crate) use plan::Plan;
 pub use program::CudaProgram;

@@ -193,6 +193,10 @@ fn source(plan: &Plan) -> (String, Vec<&'static str>) {
         plan.biased(),
         attention.map_or(String::new(), |attention| attention.constants()),
     );
-    let names = texts.iter().flat_map(|text| text.split("extern \"C\" __global__ void ").skip(1));
-    (constants + &texts.concat(), names.filter_map(|rest| rest.split('(').next()).collect())
+    (constants + &texts.concat(), texts.into_iter().flat_map(kernels).collect())
+}
+
+/// Names of the kernels in a text.
+pub(crate) fn kernels(text: &'static str) -> impl Iterator<Item = &'static str> {
+    text.split("extern \"C\" __global__ void ").skip(1).filter_map(|rest| rest.split('(').next())
 }

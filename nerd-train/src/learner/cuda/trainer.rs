@@ -6,7 +6,6 @@
 use std::ops::Range;
 
 use super::*;
-use crate::learner::validation_rows;
 
 /// Adam's second beta.
 const BETA: f64 = 0.999;
@@ -35,13 +34,6 @@ struct Data {
     per: usize,
 }
 
-enum Choice {
-    /// Those of the next update, from row `first` of the batch on.
-    Drawn { scalars: u64, seed: u64, first: usize },
-    /// Those of the numbers from this address on.
-    These(u64),
-}
-
 impl CudaLearner {
     /// Takes up `state` as one of several ranks, on this process's GPU ([`nerd_cuda::take`]), with all windows in device memory. Gradients
     /// are added up by NCCL.
@@ -54,21 +46,9 @@ impl CudaLearner {
         config: LearnerConfig,
         precision: Precision,
         state: LearnerState,
-        sets: [&Windows; 2],
-    ) -> Result<Self, LearnError> {
-        Self::of_rows(ranks.part(config.batch), ranks, config, precision, state, sets)
-    }
-
-    /// The same for these rows of the batch: gradients of parts make up the whole's.
-    pub fn of_rows(
-        rows: Range<usize>,
-        ranks: &Ranks,
-        config: LearnerConfig,
-        precision: Precision,
-        state: LearnerState,
         [train, validation]: [&Windows; 2],
     ) -> Result<Self, LearnError> {
-        let shape = state.weights.config;
+        let (shape, rows) = (state.weights.config, ranks.part(config.batch));
         crate::learner::check(&config, &state, [train, validation])?;
         let network = Network::new(Plan::of(&shape, shape.sequence())?, rows.len(), precision, true)?;
         let d = &network.device;
@@ -80,6 +60,11 @@ impl CudaLearner {
         let (total, validation) = (d.zeros(1)?, data(validation)?);
         let optimiser = Optimiser::new(d, config, &state, BETA, sums)?;
         Ok(Self { replay: Replay::default(), train: data(train)?, config, rows, optimiser, network, validation, total })
+    }
+
+    /// For these of its rows of the batch: gradients of parts make up the whole's.
+    pub fn of_rows(self, rows: Range<usize>) -> Self {
+        Self { rows, ..self }
     }
 
     /// What this rank's rows add to the gradient of the next update before clipping (in the order of the flat weights) and to its loss,
@@ -100,21 +85,18 @@ impl CudaLearner {
     fn differentiate(&self) -> Result<(), LearnError> {
         let (net, own, rows) = (&self.network, &self.optimiser, self.rows.len());
         let (w, g) = (own.weights.ptr, own.gradients.ptr);
-        let LearnerConfig { batch, seed, huber, .. } = self.config;
-        self.gather(&self.train, rows, Choice::Drawn { scalars: own.scalars(), seed, first: self.rows.start })?;
+        let LearnerConfig { batch, huber, .. } = self.config;
+        self.gather(&self.train, rows, None)?;
         net.fold(w)?;
         net.forward(w, rows)?;
         net.loss(rows * net.plan.tokens, batch * net.plan.tokens, huber, g)?;
         Ok(net.backward(w, Some(g), 0..rows, None)?)
     }
 
-    /// Fills the network's inputs and targets with `rows` windows.
-    fn gather(&self, data: &Data, rows: usize, choice: Choice) -> Result<(), LearnError> {
-        let net = &self.network;
-        let (scalars, seed, first, numbers) = match choice {
-            Choice::Drawn { scalars, seed, first } => (scalars, seed, first as u64, 0),
-            Choice::These(numbers) => (0, 0, 0, numbers),
-        };
+    /// Fills the network's inputs and targets with `rows` windows: of the numbers from an address on, or those of the next update.
+    fn gather(&self, data: &Data, rows: usize, numbers: Option<u64>) -> Result<(), LearnError> {
+        let (net, drawn) = (&self.network, (self.optimiser.scalars(), self.config.seed, self.rows.start as u64, 0));
+        let (scalars, seed, first, numbers) = numbers.map_or(drawn, |numbers| (0, 0, 0, numbers));
         let [windows, per, frames] = [data.count, data.per, data.shape.frames].map(|x| Long(x as u64));
         let from = [Ptr(data.x.ptr), Ptr(data.y.ptr), Ptr(net.at(Slot(0))), Ptr(net.targets.ptr), Ptr(scalars), Long(seed)];
         let args = [&from[..], &[windows, per, frames, Ptr(numbers), Long(first)]].concat();
@@ -152,7 +134,7 @@ impl Learner for CudaLearner {
         net.fold(w)?;
         for first in (0..count).step_by(net.rows) {
             let rows = net.rows.min(count - first);
-            self.gather(&self.validation, rows, Choice::These(numbers.at(first)))?;
+            self.gather(&self.validation, rows, Some(numbers.at(first)))?;
             net.forward(w, rows)?;
             // Every update overwrites the gradients.
             net.loss(rows * tokens, rows * tokens, None, gradients.ptr)?;

@@ -116,24 +116,17 @@ impl CudaEngine {
 
     /// The rollout, to be looked at before an update.
     pub fn rollout(&self) -> Result<Rollout, DeviceError> {
-        let (n, Kept { observations, values, both, .. }) = (self.kept.horizon * self.kept.environments, &self.kept);
-        let of_steps = |from: &Buffer<f32>| {
-            let mut out = vec![0.0; from.len];
-            self.net.device.read(from, &mut out).map(|()| out)
-        };
-        let numbers = |from: &Buffer<f64>, len: usize| {
-            let mut out = vec![0.0; len];
-            self.net.device.read(from, &mut out).map(|()| out)
-        };
-        let Steps { surprise, actions, means, spreads, .. } = &self.steps;
+        let (Kept { horizon, environments, observations, values, both, .. }, d) = (&self.kept, &self.net.device);
+        let (Steps { surprise, actions, means, spreads, .. }, mut values) = (&self.steps, d.download(values)?);
+        values.truncate(horizon * environments);
         Ok(Rollout {
-            observations: numbers(observations, observations.len)?,
-            actions: of_steps(actions)?,
-            mean: of_steps(means)?,
-            spread: of_steps(spreads)?,
-            surprise: of_steps(surprise)?,
-            values: numbers(values, n)?,
-            advantages: numbers(both, 2 * n)?.into_iter().step_by(2).collect(),
+            observations: d.download(observations)?,
+            actions: d.download(actions)?,
+            mean: d.download(means)?,
+            spread: d.download(spreads)?,
+            surprise: d.download(surprise)?,
+            values,
+            advantages: d.download(both)?.into_iter().step_by(2).collect(),
         })
     }
 }

@@ -1,14 +1,7 @@
 //! A rollout by turns with episodes elsewhere, or on the card as a whole, and the update after it.
 
-use nerd_sim::solver::StepError;
-use nerd_tasks::{Episodes, Snapshot};
-
-use super::memory::Kept;
-use super::world::World;
-use super::{CudaEngine, Orders, own, sizes};
-use crate::error::{Error, Result, refuse};
-use crate::ppo::update::{self, Adam, Updated};
-use crate::ppo::{Engine, Policy, PpoConfig, Running, StreamKey, Taken, Turns};
+use super::*;
+use crate::ppo::update;
 
 impl CudaEngine {
     /// The order of each pass of an update, as it is drawn.
@@ -20,18 +13,24 @@ impl CudaEngine {
         if self.orders.as_ref().is_none_or(|(known, asked, _)| known != config || *asked != key) {
             self.ahead(config, key);
         }
-        match self.orders.take() {
-            Some((_, _, orders)) => Ok(orders),
-            None => refuse!("no orders were drawn"),
-        }
+        let Some((_, _, orders)) = self.orders.take() else { refuse!("no orders were drawn") };
+        Ok(orders)
     }
 
     /// The episodes as a world on the device of their solver, taken out; none where they cannot be, with a line that says why.
     pub(super) fn world(&mut self, episodes: &mut Episodes) -> Result<Option<World>> {
         let world = match self.world.take() {
             Some(known) => known,
-            None if self.steps_episodes => self.made(episodes)?,
-            None => None,
+            None if !self.steps_episodes => None,
+            None => match World::new(episodes, &self.net.device, self.returns.then_some(self.kept.horizon)) {
+                Err(StepError::Refused(why)) => {
+                    tell!("{why}; what is seen goes to the card once a step, and actions come back");
+                    None
+                }
+                // The solver's own kernels: it says more when it steps.
+                Err(StepError::Solver(_)) => None,
+                other => other?,
+            },
         };
         let others = self.team.exchange(vec![u64::from(world.is_some())])?;
         if others.iter().any(|other| *other != others[0]) {
@@ -39,42 +38,9 @@ impl CudaEngine {
         }
         Ok(world)
     }
-
-    fn made(&self, episodes: &mut Episodes) -> Result<Option<World>, StepError> {
-        match World::new(episodes, &self.net.device, self.returns.then_some(self.kept.horizon)) {
-            Err(StepError::Refused(why)) => {
-                tell!("{why}; what is seen goes to the card once a step, and actions come back");
-                Ok(None)
-            }
-            // The solver's own kernels: it says more when it steps.
-            Err(StepError::Solver(_)) => Ok(None),
-            other => other,
-        }
-    }
 }
 
 impl Turns for CudaEngine {
-    fn resident(
-        &mut self,
-        episodes: &mut Episodes,
-        running: &mut Running,
-        policy: &Policy,
-        config: &PpoConfig,
-        noise: StreamKey,
-    ) -> Result<Option<Taken>> {
-        let mut world = self.world(episodes)?;
-        let both = world.as_mut().zip(episodes.simulation.solver.resident());
-        let taken = both.map(|(world, resident)| {
-            let taken = self.stay((world, resident), running, policy, config, noise)?;
-            self.reached(self.weights.ptr)?;
-            self.finished(config)?;
-            Ok::<_, Error>(taken)
-        });
-        let taken = taken.transpose()?;
-        self.world = Some(world);
-        Ok(taken)
-    }
-
     fn begin(&mut self, policy: &Policy) -> Result<()> {
         Ok(self.take(policy, StreamKey { seed: 0, number: 0 })?)
     }
@@ -134,15 +100,21 @@ impl Engine for CudaEngine {
         self.orders = Some((config.clone(), key, orders));
     }
 
-    fn roll(
-        &mut self,
-        episodes: &mut Episodes,
-        running: &mut Running,
-        policy: &Policy,
-        config: &PpoConfig,
-        noise: StreamKey,
-    ) -> Result<Taken> {
-        self.turns(episodes, running, policy, config, noise)
+    /// On the device where the episodes are there, or else by turns with them.
+    fn roll(&mut self, mut on: Stage) -> Result<Taken> {
+        let mut world = self.world(on.episodes)?;
+        let there = on.episodes.simulation.solver.resident().is_some();
+        let taken = match world.as_mut().filter(|_| there) {
+            Some(world) => {
+                let taken = self.stay(world, &mut on)?;
+                self.reached(self.weights.ptr)?;
+                self.finished(on.config)?;
+                taken
+            }
+            None => self.turns(on)?,
+        };
+        self.world = Some(world);
+        Ok(taken)
     }
 
     fn update(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, key: StreamKey) -> Result<Updated> {

@@ -15,38 +15,17 @@ use std::sync::mpsc::Receiver;
 use nerd_cuda::Arg::{self, Double, Float, Int, Long, Ptr};
 use nerd_cuda::{Buffer, Device, DeviceError, Precision, Replay, Sums};
 use nerd_sim::articulated::device::{BLOCK, RANDOM, Resident, Trail, failed};
-use nerd_sim::solver::{Fault, Simulation};
-use nerd_tasks::Snapshot;
+use nerd_sim::solver::Fault;
 
 use super::noise::key;
-use super::team::Team;
-use super::{Adam, Algorithm, Ended, Policy, PpoConfig, Rollout, Running, RunningMoments, Shape, StreamKey, Taken, Terms, Updated};
-use crate::learner::cuda::{Network, Plan, joined};
-use crate::prelude::*;
+use crate::learner::cuda::{Network, Plan, joined, kernels};
 use memory::{Kept, PassState, RollKey, Steps};
 use world::World;
 
+use super::*;
 pub use shac::CudaShac;
 
 const SOURCE: [&str; 4] = [include_str!("kernels.cu"), RANDOM, include_str!("acting.cu"), include_str!("shac/kernels.cu")];
-const KERNELS: [&str; 16] = [
-    "terms_out",
-    "terms_back",
-    "ppo_gather",
-    "ppo_loss",
-    "squares",
-    "ppo_finish",
-    "normalize",
-    "act",
-    "value",
-    "gae",
-    "reached",
-    "columns",
-    "mean",
-    "goals",
-    "shac_ahead",
-    "shac_follow",
-];
 /// Threads of a block, and blocks of the gradient norm's first stage.
 const THREADS: usize = 128;
 const SQUARES: usize = 64;
@@ -106,7 +85,7 @@ impl CudaEngine {
         // The way back goes over all steps at once, and over what they led to.
         let all = if config.algorithm == Algorithm::Shac { (config.horizon + 1) * own } else { 0 };
         let mut net = Network::new(plan, rows.max(own).max(all), Precision::F32, true)?;
-        net.device.add(&SOURCE.concat(), &KERNELS)?;
+        net.device.add(&SOURCE.concat(), &SOURCE.into_iter().flat_map(kernels).collect::<Vec<_>>())?;
         let sums = joined(ranks, &net.device)?;
         let (device, n, zeros) = (&net.device, own * config.horizon, |len: usize| net.device.zeros::<f32>(len));
         Ok(Self {

@@ -4,15 +4,9 @@ use super::*;
 
 impl CudaEngine {
     /// Steps every environment through a horizon, from where `running` is; what the steps led to has no value yet.
-    pub(super) fn stay(
-        &mut self,
-        (world, resident): (&mut World, &dyn Resident),
-        running: &mut Running,
-        policy: &Policy,
-        config: &PpoConfig,
-        noise: StreamKey,
-    ) -> Result<Taken> {
-        let horizon = config.horizon;
+    pub(super) fn stay(&mut self, world: &mut World, Stage { episodes, running, policy, config, noise }: &mut Stage) -> Result<Taken> {
+        let Some(resident) = episodes.simulation.solver.resident() else { refuse!("the solver has left the device") };
+        let (resident, noise, horizon) = (&*resident, *noise, config.horizon);
         let right = horizon == self.kept.horizon && running.stack.rows.len() == self.kept.environments * self.shape.inputs();
         self.fits("a rollout's rows and steps", right)?;
         self.take(policy, noise)?;
@@ -41,11 +35,9 @@ impl CudaEngine {
 
     /// Episodes that ended, with their returns and lengths.
     fn ended(&self, running: &mut Running) -> Result<Vec<Ended>, DeviceError> {
-        let (n, steps) = (self.kept.environments, self.kept.horizon * self.kept.environments);
-        let (mut rewards, mut ends) = (vec![0.0; steps], vec![0u8; steps]);
-        self.net.device.read(&self.kept.rewards, &mut rewards)?;
-        self.net.device.read(&self.kept.ends, &mut ends)?;
-        self.net.device.read(&self.kept.rows, &mut running.stack.rows)?;
+        let (n, d) = (self.kept.environments, &self.net.device);
+        let (rewards, ends) = (d.download(&self.kept.rewards)?, d.download(&self.kept.ends)?);
+        d.read(&self.kept.rows, &mut running.stack.rows)?;
         let came = rewards.iter().zip(&ends).enumerate();
         Ok(came.filter_map(|(i, (reward, end))| running.count(i / n, i % n, *reward, *end > 0)).collect())
     }

@@ -81,10 +81,8 @@ impl World {
             device.join(beside)?;
             let (goals, frames, begun) = (device.upload(&kept.goals)?, device.upload(&kept.frames)?, device.upload(&kept.begun)?);
             let (failed, counts) = (device.zeros::<u32>(n)?, device.zeros::<u32>(2)?);
-            let world = [held.states.ptr, goals.ptr, held.torques.ptr, held.records.ptr, held.scene_of.ptr];
-            let mut at = [0; 10];
-            at[..5].copy_from_slice(&world);
-            at[5..].copy_from_slice(&[held.faults.ptr, memory, failed.ptr, frames.ptr, begun.ptr]);
+            let [states, torques, records, of] = [held.states.ptr, held.torques.ptr, held.records.ptr, held.scene_of.ptr];
+            let at = [states, goals.ptr, torques, records, of, held.faults.ptr, memory, failed.ptr, frames.ptr, begun.ptr];
             let fields = Fields { at, key: key(&stream(seed, 0)), first: first as u64, counts: counts.ptr, n: n as i32 };
             let frames_back = steps * task.frames() as usize;
             let (room, sizes) = (most.max(frames_back), [kept.states.len(), n * system.robot.joint_count(), kept.goals.len()]);

@@ -1,13 +1,8 @@
 //! The way back through a rollout.
 
-use nerd_sim::prelude::*;
-use nerd_tasks::{Episodes, View, Work};
-use rayon::prelude::*;
+use nerd_tasks::{View, Work};
 
-use super::steps::Steps;
-use super::through::{By, through};
-use crate::error::Result;
-use crate::ppo::{Policy, PpoConfig, TRUNCATED};
+use super::*;
 
 /// Environments that one thread takes at a time.
 const ROWS: usize = 64;

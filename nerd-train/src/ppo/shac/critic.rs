@@ -1,10 +1,6 @@
 //! The critic learns the returns of a rollout: passes over its steps, by the squared error of normalised values.
 
-use super::through::{By, through};
-use super::{BETA, Shac};
-use crate::error::Result;
-use crate::ppo::update::orders;
-use crate::ppo::{Policy, PpoConfig, StreamKey};
+use super::*;
 
 impl Shac {
     /// All passes; the mean squared error over them.

@@ -19,18 +19,8 @@ mod steps;
 mod through;
 
 use std::ops::Range;
-use std::sync::Arc;
 
-use nerd_sim::sampling::stream;
-use nerd_sim::solver::Simulation;
-use nerd_tasks::Episodes;
-use rayon::prelude::*;
-
-use super::gae::advantages;
-use super::team::Team;
-use super::{Adam, Engine, Policy, PpoConfig, Running, RunningMoments, StreamKey, Taken, Terms, Updated};
-use crate::error::{Result, refuse};
-use crate::ranks::Ranks;
+use super::*;
 use back::{Found, back};
 use steps::Steps;
 use through::{By, through};
@@ -148,15 +138,9 @@ impl Shac {
 }
 
 impl Engine for Shac {
-    fn roll(
-        &mut self,
-        episodes: &mut Episodes,
-        running: &mut Running,
-        policy: &Policy,
-        config: &PpoConfig,
-        noise: StreamKey,
-    ) -> Result<Taken> {
-        let (steps, mut taken) = Steps::rolled(episodes, running, policy, config, (noise, self.team.part.start))?;
+    fn roll(&mut self, mut on: Stage) -> Result<Taken> {
+        let (steps, mut taken) = Steps::rolled(&mut on, self.team.part.start)?;
+        let Stage { episodes, running, policy, config, .. } = on;
         let value = self.value(policy);
         let Found { by_actions, earned, without } = back(&steps, episodes, policy, &value, config, self.team.all)?;
         (self.by_actions, self.earned) = (by_actions, earned);

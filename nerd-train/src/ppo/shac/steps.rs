@@ -1,11 +1,9 @@
 //! A rollout of a policy, with all that its way back needs.
 
-use nerd_tasks::{Episodes, Trace};
+use nerd_tasks::Trace;
 
-use crate::error::Result;
+use super::*;
 use crate::ppo::engine::endings;
-use crate::ppo::noise::drawn;
-use crate::ppo::{Actor, Ended, Policy, PpoConfig, Running, StreamKey, Taken};
 
 /// What is kept of a rollout, by step and environment.
 #[derive(Default)]
@@ -23,19 +21,13 @@ pub(super) struct Steps {
 
 impl Steps {
     /// Steps every environment through a horizon; the first of them has this number among all.
-    pub fn rolled(
-        episodes: &mut Episodes,
-        running: &mut Running,
-        policy: &Policy,
-        config: &PpoConfig,
-        (noise, first): (StreamKey, usize),
-    ) -> Result<(Self, Taken)> {
+    pub fn rolled(Stage { episodes, running, policy, config, noise }: &mut Stage, first: usize) -> Result<(Self, Taken)> {
         let (mut kept, mut taken, mut cut) = (Self::default(), Taken::default(), Vec::new());
-        let (actor, first) = (Actor::new(policy.clone()), first * policy.shape.action);
+        let (actor, first) = (Actor::new((*policy).clone()), first * policy.shape.action);
         episodes.trace();
         for t in 0..config.horizon {
             let answer = actor.answer(&running.stack.rows);
-            let drawn = drawn(&answer, StreamKey { number: noise.number + t as u64, ..noise }, first);
+            let drawn = drawn(&answer, StreamKey { number: noise.number + t as u64, ..*noise }, first);
             kept.rows.extend_from_slice(&running.stack.rows);
             let actions: Vec<f64> = drawn.iter().map(|a| f64::from(a.clamp(-1.0, 1.0))).collect();
             kept.drawn.extend(drawn);

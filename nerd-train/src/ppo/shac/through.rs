@@ -1,9 +1,6 @@
 //! The way back through a network, of many rows at once.
 
-use nerd_model::program::cpu::{Loaded, Memory, Pass};
-use rayon::prelude::*;
-
-use crate::ppo::Policy;
+use super::*;
 
 /// Rows that one thread takes at a time, and parts that many rows come in at most.
 const ROWS: usize = 64;

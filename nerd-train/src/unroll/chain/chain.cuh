@@ -11,17 +11,11 @@
 #define OF_BLOCK
 #endif
 
+// States of motions are chains `[CHAIN]`, torques the gripper's `[6]`.
 constexpr int RATES = GRIPPER + 3 * RODS;
 constexpr int SCENE = 3 + COLLIDER * NC;
 // What the largest kernel keeps in a block's memory.
 static_assert(8 * (3 * CHAIN + 13 * RODS + 40) + (NC + 1) * sizeof(Surface) < 49152, "so many rods or colliders are too many to be trained on the card; leave --device cuda out");
-
-// As the host writes it; `frame` is where the update begins.
-struct View { double mirror, sine, cosine, yaw; };
-struct Rollout { double motion, frame, anew; View view; };
-
-// Motions of so many frames: chains `[motion][frames + 1]`, the gripper's torques `[motion][frames][6]`, scenes.
-struct Motions { const double *truths, *torques, *scenes; int frames; };
 
 FN V3 seen(const View& v, V3 a) {
     const double y = a.y * v.mirror;

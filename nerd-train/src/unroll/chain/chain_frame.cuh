@@ -1,8 +1,6 @@
 // Kernels of an update: chains are `[H + 1][n][CHAIN]`, all else of a rollout `[n]`.
 
 #ifdef __CUDACC_RTC__
-#define KERNEL extern "C" __global__ void
-
 FN void load(const double* from, double* to, int n) { EACH(i, n) to[i] = from[i]; SYNC; }
 FN void store(const double* from, double* to, int n) { SYNC; EACH(i, n) to[i] = from[i]; }
 
@@ -13,31 +11,26 @@ KERNEL unroll_truths(const double* states, double* truths, long long count) {
 }
 
 // Where the last update ended, or on the truth.
-KERNEL unroll_begin(const Rollout* rollouts, const double* truths, const double* torques, const double* scenes, int frames, double* chains, int through) {
+KERNEL unroll_begin(WORLD, double* chains, int through) {
     __shared__ double chain[CHAIN];
-    const Rollout& r = rollouts[blockIdx.x];
-    const Motions m = {truths, torques, scenes, frames};
+    MOTIONS(blockIdx.x)
     const long long n = gridDim.x;
     if (r.anew != 0) truth(r, m, 0, chain);
     else load(chains + (through * n + blockIdx.x) * CHAIN, chain, CHAIN);
     store(chain, chains + blockIdx.x * CHAIN, CHAIN);
 }
 
-KERNEL unroll_look(const Rollout* rollouts, const double* truths, const double* torques, const double* scenes, int frames, const double* chains, int k,
-                   float* tokens) {
+KERNEL unroll_look(WORLD, const double* chains, int k, float* tokens) {
     __shared__ double chain[CHAIN], glided[GRIPPER], ends[6 * RODS];
-    const Rollout& r = rollouts[blockIdx.x];
-    const Motions m = {truths, torques, scenes, frames};
+    MOTIONS(blockIdx.x)
     load(chains + ((long long)k * gridDim.x + blockIdx.x) * CHAIN, chain, CHAIN);
     led(r, m, k, chain, glided);
     look(r, m, chain, glided, ends, tokens + (long long)blockIdx.x * RODS * LDX, 0);
 }
 
-KERNEL unroll_advance(const Rollout* rollouts, const double* truths, const double* torques, const double* scenes, int frames, double* chains, int k,
-                      const float* said) {
+KERNEL unroll_advance(WORLD, double* chains, int k, const float* said) {
     __shared__ double chain[CHAIN], after[CHAIN], glided[GRIPPER];
-    const Rollout& r = rollouts[blockIdx.x];
-    const Motions m = {truths, torques, scenes, frames};
+    MOTIONS(blockIdx.x)
     double* at = chains + ((long long)k * gridDim.x + blockIdx.x) * CHAIN;
     load(at, chain, CHAIN);
     led(r, m, k, chain, glided);
@@ -46,11 +39,9 @@ KERNEL unroll_advance(const Rollout* rollouts, const double* truths, const doubl
 }
 
 // The gradient of frame k's loss joined by the upstream ones of so many later frames; then the frame is evaluated once more.
-KERNEL unroll_behind(const Rollout* rollouts, const double* truths, const double* torques, const double* scenes, int frames, const double* chains, int k,
-                     int later, double weight, double* behinds, double* losses, float* tokens, double* touches) {
+KERNEL unroll_behind(WORLD, const double* chains, int k, int later, double weight, double* behinds, double* losses, float* tokens, double* touches) {
     __shared__ double chain[CHAIN], other[CHAIN], slope[CHAIN], ends[6 * RODS], true_ends[6 * RODS];
-    const Rollout& r = rollouts[blockIdx.x];
-    const Motions m = {truths, torques, scenes, frames};
+    MOTIONS(blockIdx.x)
     const double* at = chains + ((long long)k * gridDim.x + blockIdx.x) * CHAIN;
     double* behind = behinds + (long long)blockIdx.x * CHAIN;
     EACH(i, CHAIN) slope[i] = 0;
@@ -76,11 +67,9 @@ KERNEL unroll_said(const double* chains, int k, const float* said, const double*
     said_back(chain, said + row, behind, by_said + row);
 }
 
-KERNEL unroll_back(const Rollout* rollouts, const double* truths, const double* torques, const double* scenes, int frames, const double* chains, int k,
-                   const float* said, const double* touches, const float* by_tokens, double* behinds) {
+KERNEL unroll_back(WORLD, const double* chains, int k, const float* said, const double* touches, const float* by_tokens, double* behinds) {
     __shared__ double chain[CHAIN], behind[CHAIN], slope[CHAIN], ends[6 * RODS], glided[GRIPPER];
-    const Rollout& r = rollouts[blockIdx.x];
-    const Motions m = {truths, torques, scenes, frames};
+    MOTIONS(blockIdx.x)
     const long long env = blockIdx.x;
     load(chains + ((long long)k * gridDim.x + env) * CHAIN, chain, CHAIN);
     load(behinds + env * CHAIN, behind, CHAIN);
@@ -90,8 +79,7 @@ KERNEL unroll_back(const Rollout* rollouts, const double* truths, const double* 
     store(slope, behinds + env * CHAIN, CHAIN);
 }
 
-KERNEL unroll_end(const Rollout* rollouts, const double* truths, const double* torques, const double* scenes, int frames, const double* chains, int through,
-                  int* nears) {
+KERNEL unroll_end(WORLD, const double* chains, int through, int* nears) {
     __shared__ double chain[CHAIN], wanted[CHAIN], ends[6 * RODS], true_ends[6 * RODS];
     const Motions m = {truths, torques, scenes, frames};
     load(chains + ((long long)through * gridDim.x + blockIdx.x) * CHAIN, chain, CHAIN);

@@ -1,17 +1,8 @@
 //! The criterion of a chain's network.
 
-use std::sync::Arc;
+use nerd_model::chain::ChainSolver;
 
-use nerd_model::chain::{Chain, ChainSolver, Look, OUTPUTS, Outputs, Rods};
-use nerd_model::normalizer::Normalizer;
-use nerd_model::program::cpu::{Loaded, Memory, Pass};
-use nerd_model::transformer::Weights;
-use nerd_sim::prelude::*;
-use rayon::prelude::*;
-
-use super::super::data::Motions;
-use crate::error::{Error, Result};
-use crate::learner::validation_rows;
+use super::*;
 
 /// Mean distance (m) of nodes from the truth over the whole of every motion, rolled out by the solver; infinite if one of them fails.
 ///

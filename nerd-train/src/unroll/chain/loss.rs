@@ -5,10 +5,7 @@
 //! velocities and G the error of the gripper's glide, all over a frame of time T. Errors grow along a rollout, and their scale grows with
 //! them.
 
-use nalgebra::Vector3;
-use nerd_model::chain::{Chain, Gripper, OUTPUTS, Rods};
-
-use super::super::body::bent;
+use super::*;
 
 /// Share f of a frame's change that is an error of one: of single frames, and of rollouts.
 const SHARE: [f64; 2] = [0.1, 0.2];
@@ -44,12 +41,8 @@ impl Loss {
         total += vectors(&x, &true_x, self.velocity * dt * q, 2.0 * weight, &mut by_nodes[0]);
         total += vectors(&v, &true_v, self.velocity * q, weight, &mut by_nodes[1]);
         chain.nodes_back(&by_nodes, slope);
-        total + self.led(&predicted.gripper, &truth.gripper, 0.2 * weight / 12.0, &mut slope.gripper)
-    }
-
-    fn led(&self, predicted: &Gripper, truth: &Gripper, weight: f64, slope: &mut Gripper) -> f64 {
-        let pairs = predicted.numbers().zip(truth.numbers()).zip(self.gripper);
-        pairs.zip(slope.numbers_mut()).map(|(((a, b), unit), slope)| bent(a - b, 2.0 * unit, weight, slope)).sum()
+        let led = predicted.gripper.numbers().zip(truth.gripper.numbers()).zip(self.gripper).zip(slope.gripper.numbers_mut());
+        total + led.map(|(((a, b), unit), slope)| bent(a - b, 2.0 * unit, 0.2 * weight / 12.0, slope)).sum::<f64>()
     }
 }
 

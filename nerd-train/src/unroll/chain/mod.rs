@@ -1,21 +1,18 @@
 //! Cables ([`nerd_model::chain`]): a token is a rod, and motions are turned and mirrored.
 
 mod judge;
-pub mod kernels;
 mod loss;
 mod scales;
 mod view;
 
-use nerd_model::chain::{Chain, Gripper, Look, OUTPUTS, Outputs, Rods};
-use nerd_model::program::cpu::Loaded;
+use nerd_model::chain::{Chain, Gripper, INPUTS, Look, OUTPUTS, Outputs, Rods, chain_functions, numbers};
 
 pub use judge::distance;
 pub use loss::Loss;
 pub use scales::scales;
 pub use view::View;
 
-use super::body::{Body, Place, join};
-use super::data::Motions;
+use super::*;
 use judge::{apart, missed};
 
 /// Mean distance (m) of nodes from the truth beyond which a rollout teaches nothing of it any more.
@@ -101,6 +98,31 @@ impl Body for Cable {
 
     fn missed(&self, motions: &Motions, network: &Loaded, frames: usize) -> f64 {
         missed(&self.chain, motions, network, &self.scale, frames)
+    }
+
+    /// On the kernels of a chain's frames, in 64 bits, a block a rollout.
+    fn widths(&self) -> Widths {
+        let rods = self.chain.rods;
+        let threads = Some(rods.next_multiple_of(32).min(128));
+        Widths { state: numbers(&self.chain), kept: 4 * rods, inputs: rods * INPUTS, torques: 6, threads }
+    }
+
+    fn program(&self, system: &Arc<System>, _: usize, colliders: usize) -> String {
+        let mut text = chain_functions(&self.chain, &self.scale, system, colliders);
+        let loss = &self.loss;
+        for (name, x) in [("SHARE", loss.share), ("BY_RATE", loss.rate), ("BY_SPEED", loss.velocity), ("ASTRAY", ASTRAY)] {
+            text += &format!("#define {name} {x:e}\n");
+        }
+        let own = [include_str!("../shared.cuh"), include_str!("chain.cuh"), include_str!("chain_frame.cuh")];
+        text + &table("BY_LED", &loss.gripper) + &own.concat()
+    }
+
+    fn settings() -> ArticulatedConfig {
+        ArticulatedConfig::implicit(1, Friction::Coulomb)
+    }
+
+    fn numbers(view: &View) -> [f64; 4] {
+        [view.mirror, view.sin, view.cos, view.yaw]
     }
 }
 

@@ -1,10 +1,6 @@
 //! Scales of a chain's quantities, measured in its data.
 
-use nerd_model::chain::{Chain, INPUTS, OUTPUTS, Rods};
-use nerd_model::normalizer::{Moments, Normalizer};
-use rayon::prelude::*;
-
-use super::super::data::Motions;
+use super::*;
 
 /// Frames that are looked at.
 const FRAMES: usize = 8000;

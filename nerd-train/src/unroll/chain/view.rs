@@ -1,9 +1,6 @@
 //! Augmentation: a motion turned about the vertical through the gripper's home, and mirrored.
 
-use nalgebra::Vector3;
-use nerd_core::contact::ContactEvent;
-use nerd_model::chain::{Chain, Gripper, Rods};
-use nerd_sim::scene::Scene;
+use super::*;
 
 /// From where a motion is seen: y mirrored or not, then turned.
 #[derive(Clone, Copy, Debug, PartialEq)]

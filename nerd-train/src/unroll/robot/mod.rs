@@ -1,26 +1,11 @@
 //! Robots that a network sees by one token, and whose predictions are added to the state: a token is a frame, and contacts are found anew in each predicted one.
 
-pub mod kernels;
-
-use std::sync::Arc;
-
-use nalgebra::Vector3;
-use nerd_core::contact::ContactEvent;
-use nerd_core::dynamics::Data;
 use nerd_core::state::wrap_state;
 use nerd_core::tangent::{difference, difference_back};
 use nerd_model::around::Around;
-use nerd_model::features::Features;
-use nerd_model::form::Form;
-use nerd_model::normalizer::Normalizer;
-use nerd_model::program::cpu::{Loaded, Memory, Pass};
-use nerd_sim::scene::contacts;
-use nerd_sim::system::System;
-use rayon::prelude::*;
+use nerd_model::device::{settings, slope_functions};
 
-use super::body::{Body, Place, bent, join};
-use super::data::Motions;
-use crate::learner::validation_rows;
+use super::*;
 
 /// Share of a frame's change that is an error of one.
 const SHARE: f64 = 0.02;
@@ -184,5 +169,27 @@ impl Body for Robot {
         };
         let sums: Vec<(f64, f64)> = rows.par_iter().map_init(|| (self.memory(), Memory::default()), one).collect();
         sums.iter().map(|s| s.0).sum::<f64>() / sums.iter().map(|s| s.1).sum::<f64>().max(1e-300)
+    }
+
+    /// On the kernels of a model's frames, in 64 bits, a thread a rollout.
+    fn widths(&self) -> Widths {
+        let Around { system, form, .. } = &self.around;
+        let (robot, inputs) = (&system.robot, Features::inputs(system, *form));
+        Widths { state: robot.state_dim(), kept: 0, inputs, torques: robot.joint_count(), threads: None }
+    }
+
+    fn program(&self, system: &Arc<System>, rollouts: usize, colliders: usize) -> String {
+        let text = slope_functions(self.around.form, &self.around.normalizer, system, colliders);
+        let text = text + &format!("#define SHARE {SHARE:e}\n#define ROLLOUTS {rollouts}\n");
+        let own = [include_str!("../shared.cuh"), include_str!("robot.cuh"), include_str!("robot_frame.cuh")];
+        text + &table("UNIT", &self.units) + &table("COUNTS", &self.weights) + &own.concat()
+    }
+
+    fn settings() -> ArticulatedConfig {
+        settings()
+    }
+
+    fn numbers((): &()) -> [f64; 4] {
+        [0.0; 4]
     }
 }

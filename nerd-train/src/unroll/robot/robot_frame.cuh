@@ -1,10 +1,4 @@
-// Kernels of an update: states are `[H + 1][n][STATE]`, all else of a rollout `[n]`; gradients by states have 2 NV of STATE numbers.
-
-// As the host writes it; `frame` is where the update begins.
-struct Rollout { double motion, frame, anew, view[4]; };
-
-// Motions of so many frames: states `[motion][frames + 1][STATE]`, torques `[motion][frames][NJ]`, scenes.
-struct Motions { const double *truths, *torques, *scenes; int frames; };
+// Kernels of an update: states are `[H + 1][n][STATE]`, torques of motions `[NJ]`, all else of a rollout `[n]`; gradients by states have 2 NV of STATE numbers.
 
 FN const double* truth(const Rollout& r, const Motions& m, int k) {
     return m.truths + ((long long)r.motion * (m.frames + 1) + (long long)r.frame + k) * STATE;
@@ -17,12 +11,9 @@ FN void token(const Rollout& r, const Motions& m, int k, const double* state, fl
 }
 
 #ifdef __CUDACC_RTC__
-#define KERNEL extern "C" __global__ void
-#define WORLD const Rollout* rollouts, const double* truths, const double* torques, const double* scenes, int frames
 #define EACH                                                                   \
     const long long env = (long long)blockIdx.x * blockDim.x + threadIdx.x;    \
     if (env >= ROLLOUTS) return;
-#define MOTIONS const Rollout& r = rollouts[env]; const Motions m = {truths, torques, scenes, frames};
 
 KERNEL unroll_truths(const double* states, double* truths, long long count) {
     const long long i = (long long)blockIdx.x * blockDim.x + threadIdx.x;
@@ -31,13 +22,13 @@ KERNEL unroll_truths(const double* states, double* truths, long long count) {
 
 // On the truth.
 KERNEL unroll_begin(WORLD, double* states, int through) {
-    EACH MOTIONS
+    EACH MOTIONS(env)
     const double* from = truth(r, m, 0);
     for (int k = 0; k < STATE; k++) states[env * STATE + k] = from[k];
 }
 
 KERNEL unroll_look(WORLD, const double* states, int k, float* tokens) {
-    EACH MOTIONS
+    EACH MOTIONS(env)
     token(r, m, k, states + ((long long)k * ROLLOUTS + env) * STATE, tokens + env * LDX);
 }
 
@@ -49,7 +40,7 @@ KERNEL unroll_advance(WORLD, double* states, int k, const float* said) {
 
 // The gradient of frame k's loss joined by the upstream ones of so many later frames; then the frame is seen once more.
 KERNEL unroll_behind(WORLD, const double* states, int k, int later, double weight, double* behinds, double* losses, float* tokens, double*) {
-    EACH MOTIONS
+    EACH MOTIONS(env)
     const double* at = states + ((long long)k * ROLLOUTS + env) * STATE;
     double slope[2 * NV], *behind = behinds + env * STATE;
     const double total = loss(at + (long long)ROLLOUTS * STATE, truth(r, m, k + 1), k + 1, weight, slope);
@@ -65,7 +56,7 @@ KERNEL unroll_said(const double* states, int k, const float* said, const double*
 }
 
 KERNEL unroll_back(WORLD, const double* states, int k, const float* said, const double*, const float* by_tokens, double* behinds) {
-    EACH MOTIONS
+    EACH MOTIONS(env)
     double slope[2 * NV], *behind = behinds + env * STATE;
     frame_back(states + ((long long)k * ROLLOUTS + env) * STATE, scene(r, m), said + env * STATE, by_tokens + env * INPUTS, behind, slope);
     for (int i = 0; i < 2 * NV; i++) behind[i] = slope[i];

@@ -3,17 +3,8 @@
 
 mod way;
 
-use std::time::Instant;
-
-use nerd_cuda::Arg::{Float, Long, Ptr};
-use nerd_cuda::{Buffer, DeviceError};
-use nerd_sim::solver::{Simulation, StepError};
-use nerd_tasks::{Episodes, Snapshot};
-
-use super::{CudaEngine, World};
-use crate::error::{Result, refuse};
+use super::*;
 use crate::ppo::shac::{BETA, KEPT};
-use crate::ppo::{Adam, Engine, Policy, PpoConfig, Running, Shac, StreamKey, Taken, Updated};
 use way::{Rolled, Way};
 
 /// SHAC on a GPU.
@@ -49,33 +40,26 @@ impl CudaShac {
     }
 
     /// A rollout on the device and the way back through it.
-    fn travel(
-        &mut self,
-        (world, episodes): (&mut World, &mut Episodes),
-        running: &mut Running,
-        policy: &Policy,
-        config: &PpoConfig,
-        noise: StreamKey,
-    ) -> Result<Taken> {
-        let Simulation { batch, solver } = &mut episodes.simulation;
-        let Some(resident) = solver.resident() else { refuse!("the solver has left the device") };
+    fn travel(&mut self, world: &mut World, mut on: Stage) -> Result<Taken> {
         let mut started = Instant::now();
         self.spent.clear();
-        let mut taken = self.engine.stay((world, resident), running, policy, config, noise)?;
+        let mut taken = self.engine.stay(world, &mut on)?;
         self.part("rollout", &mut started)?;
         self.load()?;
+        let Stage { episodes, running, policy, config, .. } = on;
+        let Simulation { batch, solver } = &mut episodes.simulation;
+        let Some(resident) = solver.resident() else { refuse!("the solver has left the device") };
         let way = match self.way.take() {
             Some(way) => way,
             None => Way::new(&self.engine, world, &batch.system.robot, config, self.shac.team.all)?,
         };
         let rolled = Rolled { engine: &self.engine, world, resident, config, slow: self.critic.slow.ptr };
-        let mut spent = Vec::new();
         for (name, go) in
             [("values", Way::value as fn(&Way, Rolled) -> Result<(), DeviceError>), ("recall", Way::recall), ("way back", Way::back)]
         {
             go(&way, rolled)?;
-            self.engine.net.device.wait()?;
-            spent.push((name, started.elapsed().as_secs_f64()));
+            rolled.engine.net.device.wait()?;
+            self.spent.push((name, started.elapsed().as_secs_f64()));
             started = Instant::now();
         }
         let d = &self.engine.net.device;
@@ -89,7 +73,6 @@ impl CudaShac {
             without.iter().for_each(|env| (running.rewards[*env], running.lengths[*env]) = (0.0, 0.0));
             taken.failed += without.len();
         }
-        self.spent.extend(spent);
         self.way = Some(way);
         Ok(taken)
     }
@@ -140,19 +123,12 @@ impl Engine for CudaShac {
         self.engine.ahead(&of_critic(config), orders);
     }
 
-    fn roll(
-        &mut self,
-        episodes: &mut Episodes,
-        running: &mut Running,
-        policy: &Policy,
-        config: &PpoConfig,
-        noise: StreamKey,
-    ) -> Result<Taken> {
-        let mut world = self.engine.world(episodes)?;
+    fn roll(&mut self, on: Stage) -> Result<Taken> {
+        let mut world = self.engine.world(on.episodes)?;
         self.resident = world.is_some();
         let taken = match &mut world {
-            Some(world) => self.travel((world, episodes), running, policy, config, noise),
-            None => self.shac.roll(episodes, running, policy, config, noise),
+            Some(world) => self.travel(world, on),
+            None => self.shac.roll(on),
         };
         self.engine.world = Some(world);
         taken

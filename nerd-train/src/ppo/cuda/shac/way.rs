@@ -1,13 +1,9 @@
 //! [`Way`]: the way back through a rollout on the device, as `shac/back.rs` has it.
 
-use nerd_cuda::Arg::{Double, Int, Ptr};
-use nerd_cuda::{Buffer, DeviceError, Replay};
 use nerd_model::program::Slot;
-use nerd_sim::articulated::device::{Back, Resident};
-use nerd_sim::prelude::Robot;
+use nerd_sim::articulated::device::Back;
 
-use super::super::{CudaEngine, Steps, World};
-use crate::ppo::PpoConfig;
+use super::*;
 
 /// Mirror of `Steps` in `task_back.cuh`.
 #[repr(C)]
