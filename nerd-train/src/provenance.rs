@@ -28,13 +28,8 @@ impl Provenance {
     /// Of this process.
     pub fn now(seed: u64) -> Self {
         let args = std::env::args().skip(1).map(without_folders).collect::<Vec<_>>().join(" ");
-        Self {
-            commit: COMMIT.clone(),
-            command: format!("cargo xtask {args}"),
-            seed,
-            machine: machine(),
-            date: Utc::now().date_naive().to_string(),
-        }
+        let (commit, command, date) = (COMMIT.clone(), format!("cargo xtask {args}"), Utc::now().date_naive().to_string());
+        Self { commit, command, seed, machine: machine(), date }
     }
 
     /// Reads the commit; to be called when a program starts.

@@ -42,25 +42,13 @@ impl TrainerConfig {
 /// is better), for example a rollout error; `None` leaves the validation loss.
 pub type Hook<'a> = dyn FnMut(&mut dyn Learner, u64) -> Result<Option<f64>> + 'a;
 
-/// A line of the record: means over the updates since the last such line, or one validation.
+/// A line of the record: means over the updates since the last such line, or one validation; `risen`: validations since the least loss, where
+/// it rises.
 #[derive(Serialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 enum Line {
-    Train {
-        step: u64,
-        loss: f32,
-        gradient_norm: f32,
-        lr: f64,
-        windows_per_second: f64,
-    },
-    /// `risen`: validations since the least loss, where it rises.
-    Validation {
-        step: u64,
-        loss: f32,
-        criterion: f64,
-        best: bool,
-        risen: Option<usize>,
-    },
+    Train { step: u64, loss: f32, gradient_norm: f32, lr: f64, windows_per_second: f64 },
+    Validation { step: u64, loss: f32, criterion: f64, best: bool, risen: Option<usize> },
 }
 
 /// Validations beyond the least loss, and how far above it the loss has to be, before a rise is more than noise.

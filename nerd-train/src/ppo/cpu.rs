@@ -55,7 +55,7 @@ impl Turns for OnCpu {
     fn finish(&mut self, rows: &[f64], rewards: &[f64], ends: &[u8], config: &PpoConfig) -> Result<()> {
         let Some(actor) = &self.actor else { return Ok(()) };
         let last = actor.policy.values(&actor.answer(rows));
-        self.rollout.advantages = advantages((rewards, ends), (&self.rollout.values, &last, &self.cut), config.gamma, config.lambda);
+        self.rollout.advantages = advantages((rewards, ends), (&self.rollout.values, &last, &self.cut), config);
         Ok(())
     }
 }

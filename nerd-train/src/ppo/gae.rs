@@ -8,6 +8,8 @@
 //! `V(s_{t+1})` is that of the state reached, also where the episode was cut off by time and another one began (time-out
 //! bootstrapping); only a terminal state has none.
 
+use super::PpoConfig;
+
 /// A step ended its episode in a terminal state.
 pub const TERMINATED: u8 = 1;
 /// A step was its episode's last because time ran out.
@@ -15,13 +17,8 @@ pub const TRUNCATED: u8 = 2;
 
 /// Advantages `[step][env]`; returns are these plus the values. `values` are of the states acted in, and of the `last` ones, those reached by
 /// the last step; `cut` those of the states reached where time ran out, in their order.
-pub(super) fn advantages(
-    (rewards, ends): (&[f64], &[u8]),
-    (values, last, cut): (&[f64], &[f64], &[f64]),
-    gamma: f64,
-    lambda: f64,
-) -> Vec<f64> {
-    let (n, mut cut) = (last.len(), cut.iter().rev());
+pub(super) fn advantages((rewards, ends): (&[f64], &[u8]), (values, last, cut): (&[f64], &[f64], &[f64]), config: &PpoConfig) -> Vec<f64> {
+    let (n, mut cut, PpoConfig { gamma, lambda, .. }) = (last.len(), cut.iter().rev(), config);
     let mut out = vec![0.0; rewards.len()];
     for i in (0..out.len()).rev() {
         let later = (i + n).checked_sub(out.len());
@@ -44,7 +41,8 @@ mod tests {
     fn advantages_end_where_episodes_do() {
         // One environment, four steps: the second is cut off by time, the third is terminal.
         let came = (&[1.0, 2.0, 3.0, 4.0][..], &[0, TRUNCATED, TERMINATED, 0][..]);
-        let found = advantages(came, (&[10.0, 20.0, 30.0, 40.0], &[50.0], &[25.0]), 0.5, 0.5);
+        let config = PpoConfig { gamma: 0.5, lambda: 0.5, ..PpoConfig::default() };
+        let found = advantages(came, (&[10.0, 20.0, 30.0, 40.0], &[50.0], &[25.0]), &config);
         // delta: 1 + 10 - 10, 2 + 12.5 - 20 (the value reached, not that of the next start), 3 - 30, 4 + 25 - 40.
         assert_eq!(found, [1.0 + 0.25 * -5.5, -5.5, -27.0, -11.0]);
     }

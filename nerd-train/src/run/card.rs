@@ -136,13 +136,8 @@ pub(super) fn model_config(run: &Identity, provenance: &BTreeMap<String, String>
 /// What a model has been through, in one line.
 fn history(config: &ModelConfig) -> String {
     let row = |k: &str| config.provenance.get(k).map_or("?", String::as_str);
-    let run = format!(
-        "{} of a run of {} updates of {} windows on {} transitions",
-        row("weights"),
-        config.updates,
-        config.batch,
-        config.transitions
-    );
+    let ModelConfig { updates, batch, transitions, .. } = config;
+    let run = format!("{} of a run of {updates} updates of {batch} windows on {transitions} transitions", row("weights"));
     // The names of those who acted are on its own card.
     let acted = config.provenance.get("policies").and_then(|said| said.split_once(':'));
     let run = acted.map_or(run.clone(), |(share, _)| format!("{run}, policies {share}"));

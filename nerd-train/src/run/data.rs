@@ -75,10 +75,10 @@ impl Data {
             None => {
                 let training = match &config.data {
                     Some(folder) => read(system, &record.truth(system).name(), folder, sequence, *form)?,
-                    None => record.tokens(ranks, system, &plan.recording, sequence, *form)?,
+                    None => record.tokens(ranks, system, &plan.recording, (sequence, *form))?,
                 };
                 let validation = validation(plan, VALIDATION.0.min(config.transitions));
-                (training, record.tokens(ranks, system, &validation, sequence, *form)?.windows)
+                (training, record.tokens(ranks, system, &validation, (sequence, *form))?.windows)
             }
         };
         let windows = &training.windows;

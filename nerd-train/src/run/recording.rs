@@ -137,17 +137,10 @@ impl RecordConfig {
     }
 
     /// Records in memory, as tokens, each rank its share.
-    pub(super) fn tokens(
-        &self,
-        ranks: &Ranks,
-        system: &Arc<System>,
-        config: &GenerateConfig,
-        history: usize,
-        form: Form,
-    ) -> Result<Prepared> {
+    pub(super) fn tokens(&self, ranks: &Ranks, system: &Arc<System>, config: &GenerateConfig, form: (usize, Form)) -> Result<Prepared> {
         let bar = bar("recording transitions", (config.trajectories() * config.frames / ranks.world()) as u64);
         let tell = |n: usize| bar.add(n as u64);
-        let prepared = generate(ranks, system, &|| self.truth(system).solver(system), config, (history, form), &tell)?;
+        let prepared = generate(ranks, system, &|| self.truth(system).solver(system), config, form, &tell)?;
         bar.finish();
         Ok(prepared)
     }

@@ -46,15 +46,9 @@ pub trait Body: Clone + Send + Sync {
     fn view(&self, yaw: f64, mirrored: bool) -> Self::View;
     /// A recorded state.
     fn truth(&self, motions: &Motions, place: &Place<Self::View>) -> Self::State;
-    /// Looks at a state; its normalised tokens go onto `tokens`.
-    fn look(
-        &self,
-        state: &Self::State,
-        motions: &Motions,
-        place: &Place<Self::View>,
-        memory: &mut Self::Memory,
-        tokens: &mut Vec<f32>,
-    ) -> Self::Look;
+    /// Looks at a state in a place of a motion; its normalised tokens go onto `tokens`.
+    fn look(&self, state: &Self::State, at: (&Motions, &Place<Self::View>), memory: &mut Self::Memory, tokens: &mut Vec<f32>)
+    -> Self::Look;
     /// The state after the frame, by the network's normalised outputs.
     fn advance(&self, before: &Self::State, look: &Self::Look, outputs: &[f32], memory: &mut Self::Memory) -> Self::State;
     /// A gradient of zeros.
@@ -65,14 +59,7 @@ pub trait Body: Clone + Send + Sync {
     fn join(&self, own: &mut Self::Slope, upstream: &Self::Slope, later: usize);
     /// Gradients by the outputs from the `upstream` one by the state after the frame; what comes directly to the state before it is added
     /// to `slope`.
-    fn advance_back(
-        &self,
-        before: &Self::State,
-        look: &Self::Look,
-        outputs: &[f32],
-        upstream: &Self::Slope,
-        slope: &mut Self::Slope,
-    ) -> Vec<f32>;
+    fn advance_back(&self, before: &Self::State, outputs: &[f32], upstream: &Self::Slope, slope: &mut Self::Slope) -> Vec<f32>;
     /// Adds to `slope` what comes to the state before a frame through what was seen of it: from gradients by its tokens, and from the
     /// `upstream` one.
     fn look_back(

@@ -59,7 +59,7 @@ impl<B: Body> Unroll<'_, B> {
     ) -> Kept<B> {
         let Course { body, train, .. } = self.course;
         let mut tokens = Vec::new();
-        let looks: Vec<B::Look> = rollouts.iter().map(|r| body.look(&r.state, train, &r.place, own, &mut tokens)).collect();
+        let looks: Vec<B::Look> = rollouts.iter().map(|r| body.look(&r.state, (train, &r.place), own, &mut tokens)).collect();
         let outputs = self.network.forward(&tokens, memory, Pass::Kept(body.tokens())).clone();
         let (mut before, mut slopes) = (Vec::with_capacity(rollouts.len()), Vec::with_capacity(rollouts.len()));
         let rows = outputs.chunks_exact(outputs.len() / rollouts.len().max(1));
@@ -86,9 +86,9 @@ impl<B: Body> Unroll<'_, B> {
         let (mut all, mut slopes, mut by_outputs) = (kept.slopes.clone(), Vec::with_capacity(count), Vec::new());
         all.iter_mut().zip(upstream).for_each(|(own, upstream)| body.join(own, upstream, later));
         let rows = kept.outputs.chunks_exact(kept.outputs.len() / count);
-        for (((before, look), row), upstream) in kept.before.iter().zip(&kept.looks).zip(rows).zip(&all) {
+        for ((before, row), upstream) in kept.before.iter().zip(rows).zip(&all) {
             let mut slope = body.level();
-            by_outputs.extend(body.advance_back(before, look, row, upstream, &mut slope));
+            by_outputs.extend(body.advance_back(before, row, upstream, &mut slope));
             slopes.push(slope);
         }
         let (by_weights, by_tokens) = self.network.backward(body.tokens(), &by_outputs, memory, true);

@@ -116,7 +116,7 @@ pub fn apart_on_cpu<B: Body<State: Numbers, Slope: Numbers>>(
     for (i, start) in starts.iter().enumerate() {
         let place = |k: usize| Place { frame: start.frame + k, ..*start };
         let (own, mut expected) = (body.truth(motions, &place(FRAME)), Vec::new());
-        let look = body.look(&own, motions, &place(FRAME), &mut memory, &mut expected);
+        let look = body.look(&own, (motions, &place(FRAME)), &mut memory, &mut expected);
         let predicted = &predicted[i * rows * outputs..][..rows * outputs];
         let moved = body.advance(&own, &look, predicted, &mut memory);
         let truth = body.truth(motions, &place(FRAME + 1));
@@ -124,7 +124,7 @@ pub fn apart_on_cpu<B: Body<State: Numbers, Slope: Numbers>>(
         upstream.set(&upstreams[i * slope..][..slope]);
         let cost = body.loss([&moved, &truth], FRAME + 1, WEIGHT, &mut all);
         body.join(&mut all, &upstream, 1 + i);
-        let wanted = body.advance_back(&own, &look, predicted, &all, &mut front);
+        let wanted = body.advance_back(&own, predicted, &all, &mut front);
         body.look_back(&own, &look, &by_tokens[i * rows * inputs..][..rows * inputs], &all, &mut front, &mut memory);
         let seen = tokens[i * rows * padded(inputs)..][..rows * padded(inputs)].chunks(padded(inputs));
         let seen: Vec<f64> = seen.flat_map(|token| token[..inputs].to_vec()).collect();

@@ -61,7 +61,7 @@ fn a_gradient_by_outputs_is_that_of_differences() {
         for i in 0..12 {
             let place = Place { motion: i, frame: i, view: () };
             let (own, truth) = (body.truth(&motions, &place), body.truth(&motions, &Place { frame: i + 1, ..place }));
-            let look = body.look(&own, &motions, &place, &mut scratch, &mut Vec::new());
+            let look = body.look(&own, (&motions, &place), &mut scratch, &mut Vec::new());
             let mut cost = |outputs: &[f32]| {
                 let (moved, mut slope) = (body.advance(&own, &look, outputs, &mut scratch), body.level());
                 (body.loss([&moved, &truth], 1, 1.0, &mut slope), slope)
@@ -77,7 +77,7 @@ fn a_gradient_by_outputs_is_that_of_differences() {
                 (ahead.1 - behind.1) / (ahead.0 - behind.0)
             });
             let expected: Vec<f64> = expected.collect();
-            let found = body.advance_back(&own, &look, &outputs, &upstream, &mut body.level());
+            let found = body.advance_back(&own, &outputs, &upstream, &mut body.level());
             off = worse(off, apart(&found.into_iter().map(f64::from).collect::<Vec<_>>(), &expected));
         }
         println!("{robot}, {form:?}: {off:.1e} of the largest slope off");

@@ -28,13 +28,8 @@ impl CudaEngine {
         self.net.device.launch("squares", (SQUARES, 1), (256, 1), 0, &[Ptr(self.gradient.ptr), n, Ptr(self.squares.ptr)])?;
         let (terms, squares) = ([Ptr(self.terms.ptr), Int(blocks)], [Ptr(self.squares.ptr), Int(SQUARES)]);
         let rest = [Int(whole), Float(config.gradient_norm), Double(config.kl)];
-        self.net.device.launch(
-            "ppo_finish",
-            (1, 1),
-            (224, 1),
-            0,
-            &[&terms[..], &squares, &rest, &self.beta.map(Double), &[Ptr(self.state.ptr)]].concat(),
-        )?;
+        let args = [&terms[..], &squares, &rest, &self.beta.map(Double), &[Ptr(self.state.ptr)]].concat();
+        self.net.device.launch("ppo_finish", (1, 1), (224, 1), 0, &args)?;
         let [m, v] = &self.moments;
         let factors = self.state.ptr + std::mem::offset_of!(PassState, factors) as u64;
         let vectors = [self.weights.ptr, self.gradient.ptr, m.ptr, v.ptr, 0, factors, 0].map(Ptr);

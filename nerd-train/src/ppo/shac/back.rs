@@ -71,17 +71,10 @@ impl Frames<'_> {
     }
 }
 
-/// Gradients by the actions of a rollout; of `all` environments these are some.
-pub(super) fn back(
-    steps: &Steps,
-    episodes: &mut Episodes,
-    policy: &Policy,
-    value: &Policy,
-    config: &PpoConfig,
-    all: usize,
-) -> Result<Found> {
+/// Gradients by the actions of a rollout; of all environments these are some.
+pub(super) fn back(steps: &Steps, episodes: &mut Episodes, policy: &Policy, value: &Policy, config: &PpoConfig) -> Result<Found> {
     let (n, h, frames) = (episodes.len(), config.horizon, episodes.task.frames() as usize);
-    let (task, scale) = (&*episodes.task, 1.0 / (all * h) as f64);
+    let (task, scale) = (&*episodes.task, 1.0 / config.steps() as f64);
     let Simulation { batch: now, solver } = &mut episodes.simulation;
     let (batch, system) = (now.clone(), now.system.clone());
     let mut way = Frames { solver: &mut **solver, batch, torques: Vec::new(), without: vec![false; n], lost: vec![false; n] };

@@ -76,18 +76,8 @@ impl Shac {
         let (inside, outputs) = (critic.shape.hidden.last().copied().unwrap_or(critic.shape.inputs()), critic.shape.outputs());
         critic.flat[spread - (inside + 1) * outputs..].fill(0.0);
         let (adam, slow) = (Adam::new(critic.flat.len(), config.rate), critic.flat.clone());
-        let team = Team::new(ranks, config.environments);
-        Ok(Self {
-            gradient: Vec::new(),
-            earned: 0.0,
-            team,
-            critic,
-            adam,
-            slow,
-            steps: Steps::default(),
-            by_actions: Vec::new(),
-            returns: Vec::new(),
-        })
+        let (team, (gradient, steps, by_actions, returns)) = (Team::new(ranks, config.environments), Default::default());
+        Ok(Self { gradient, earned: 0.0, team, critic, adam, slow, steps, by_actions, returns })
     }
 
     /// Sets the rates of an iteration, and makes the policy's step along the gradient of all ranks; the norm of that.
@@ -142,12 +132,12 @@ impl Engine for Shac {
         let (steps, mut taken) = Steps::rolled(&mut on, self.team.part.start)?;
         let Stage { episodes, running, policy, config, .. } = on;
         let value = self.value(policy);
-        let Found { by_actions, earned, without } = back(&steps, episodes, policy, &value, config, self.team.all)?;
+        let Found { by_actions, earned, without } = back(&steps, episodes, policy, &value, config)?;
         (self.by_actions, self.earned) = (by_actions, earned);
         let values = |rows: &[f64]| if rows.is_empty() { Vec::new() } else { value.values(&value.answer(rows)) };
         let (acted, last) = steps.rows.split_at(steps.rows.len() - running.stack.rows.len());
         let (own, came) = (values(acted), (&steps.rewards[..], &steps.ends[..]));
-        let gains = advantages(came, (&own, &values(last), &values(&steps.cut)), config.gamma, config.lambda);
+        let gains = advantages(came, (&own, &values(last), &values(&steps.cut)), config);
         self.returns = gains.iter().zip(&own).map(|(gain, value)| gain + value).collect();
         self.steps = steps;
         self.gradient = self.by_parameters(policy, 0..self.team.part.len());

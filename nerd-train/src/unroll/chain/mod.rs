@@ -52,7 +52,7 @@ impl Body for Cable {
         view.rods(&self.chain, &self.chain.rods(motions.state(*motion, *frame)))
     }
 
-    fn look(&self, rods: &Rods, motions: &Motions, place: &Place<View>, (): &mut (), tokens: &mut Vec<f32>) -> Look {
+    fn look(&self, rods: &Rods, (motions, place): (&Motions, &Place<View>), (): &mut (), tokens: &mut Vec<f32>) -> Look {
         let Place { motion, frame, view } = place;
         let (torques, scene) = (view.torques(&self.chain, motions.torques(*motion, *frame)), &motions.scenes[*motion]);
         let look = Look::at(&self.chain, rods, &torques, |at| view.contact(&self.chain, scene, at));
@@ -80,7 +80,7 @@ impl Body for Cable {
         pairs.for_each(|(x, y)| *x += y * share);
     }
 
-    fn advance_back(&self, before: &Rods, _: &Look, numbers: &[f32], upstream: &Rods, slope: &mut Rods) -> Vec<f32> {
+    fn advance_back(&self, before: &Rods, numbers: &[f32], upstream: &Rods, slope: &mut Rods) -> Vec<f32> {
         self.chain.advance_back(before, Outputs { numbers, scale: &self.scale }, upstream, slope)
     }
 

@@ -90,22 +90,15 @@ impl Body for Robot {
         motions.state(place.motion, place.frame).to_vec()
     }
 
-    fn look(
-        &self,
-        state: &Vec<f64>,
-        motions: &Motions,
-        place: &Place<()>,
-        Scratch { features, data }: &mut Scratch,
-        tokens: &mut Vec<f32>,
-    ) -> Looked {
+    fn look(&self, state: &Vec<f64>, (motions, place): (&Motions, &Place<()>), memory: &mut Scratch, tokens: &mut Vec<f32>) -> Looked {
         let (mut events, scene) = (Vec::new(), &motions.scenes[place.motion]);
         if !self.around.system.robot.contact_points.is_empty() {
-            contacts(&self.around.system.robot, scene, state, data, &mut events);
+            contacts(&self.around.system.robot, scene, state, &mut memory.data, &mut events);
         }
         let first = tokens.len();
         tokens.resize(first + self.around.normalizer.inputs.mean.len(), 0.0);
         let torques = motions.torques(place.motion, place.frame);
-        features.token(state, &events, torques, &scene.gravity, &mut tokens[first..]);
+        memory.features.token(state, &events, torques, &scene.gravity, &mut tokens[first..]);
         self.around.normalizer.inputs.normalize(&mut tokens[first..]);
         Looked { contacts: events, gravity: scene.gravity }
     }
@@ -135,7 +128,7 @@ impl Body for Robot {
         own.iter_mut().zip(upstream).for_each(|(x, y)| *x += share * y);
     }
 
-    fn advance_back(&self, before: &Vec<f64>, _: &Looked, outputs: &[f32], upstream: &Vec<f64>, slope: &mut Vec<f64>) -> Vec<f32> {
+    fn advance_back(&self, before: &Vec<f64>, outputs: &[f32], upstream: &Vec<f64>, slope: &mut Vec<f64>) -> Vec<f32> {
         self.around.outputs_back(before, outputs, upstream, slope)
     }
 
@@ -156,7 +149,7 @@ impl Body for Robot {
         let one = |(scratch, memory): &mut (Scratch, Memory), row: &u64| {
             let place = Place { motion: *row as usize / motions.frames, frame: *row as usize % motions.frames, view: () };
             let (before, mut tokens) = (self.truth(motions, &place), Vec::new());
-            let events = self.look(&before, motions, &place, scratch, &mut tokens);
+            let events = self.look(&before, (motions, &place), scratch, &mut tokens);
             let outputs = network.forward(&tokens, memory, Pass::Kept(1)).clone();
             let after = self.advance(&before, &events, &outputs, scratch);
             let truth = self.truth(motions, &Place { frame: place.frame + 1, ..place });
