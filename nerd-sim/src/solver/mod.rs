@@ -67,12 +67,23 @@ pub trait Solver: Send {
 
     /// Vector-Jacobian products of the frame that [`Self::step`] would make from here: `rows` of them for every environment, of gradients
     /// `by_next` `[env][row][2 nv]` by the next state, each in the tangent space of its own state ([`nerd_core::tangent`]). The batch
-    /// and what the solver remembers stay as they are. With the rows of an identity the result is the frame's linearisation.
+    /// and what the solver remembers stay as they are.
     ///
     /// # Errors
     /// [`StepError::Refused`] of a solver without slopes; else as [`Self::step`].
     fn back(&mut self, _batch: &Batch, _torques: &[f64], _rows: usize, _by_next: &[f64]) -> Result<Slopes, StepError> {
         Err(StepError::Refused("this solver has no slopes: take articulated, or a pure model whose network sees one frame".into()))
+    }
+
+    /// The frame to first order: [`Self::back`] with the rows of an identity, so `states` has the matrix A of every environment,
+    /// `[2 nv][2 nv]`, and `torques` its B, `[2 nv][joint]`. [`Slopes::forward`] multiplies them with a direction.
+    ///
+    /// # Errors
+    /// As [`Self::back`].
+    fn linearise(&mut self, batch: &Batch, torques: &[f64]) -> Result<Slopes, StepError> {
+        let size = 2 * batch.system.robot.nv();
+        let identity: Vec<f64> = (0..size * size).map(|k| f64::from(u8::from(k % (size + 1) == 0))).collect();
+        self.back(batch, torques, size, &identity.repeat(batch.len()))
     }
 
     /// Itself as what keeps a batch on a graphics card, if that is what it does.

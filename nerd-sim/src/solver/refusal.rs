@@ -88,6 +88,20 @@ pub struct Slopes {
 }
 
 impl Slopes {
+    /// Jacobian-vector products of a frame that [`super::Solver::linearise`] gave: how the next states move, `[env][2 nv]`, when the states
+    /// move by `states`, `[env][2 nv]`, and the torques by `torques`, `[env][joint]`.
+    pub fn forward(&self, states: &[f64], torques: &[f64]) -> Vec<f64> {
+        let size = self.states.len().checked_div(states.len()).unwrap_or_default();
+        let joints = (torques.len() * size).checked_div(states.len()).unwrap_or_default();
+        let row = |k: usize| {
+            let by = |matrix: &[f64], along: &[f64], n: usize| -> f64 {
+                matrix[k * n..][..n].iter().zip(&along[k / size * n..][..n]).map(|(a, b)| a * b).sum()
+            };
+            by(&self.states, states, size) + by(&self.torques, torques, joints)
+        };
+        (0..states.len()).map(row).collect()
+    }
+
     /// Those of more environments.
     pub fn append(&mut self, more: Self) {
         self.next.extend(more.next);

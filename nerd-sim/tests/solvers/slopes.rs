@@ -155,6 +155,50 @@ fn direction(n: usize, random: &mut impl RngExt) -> Vec<f64> {
     (0..n).map(|_| random.random_range(-1.0..=1.0)).collect()
 }
 
+/// Forward along random directions: as central differences go, and the adjoint of the way back.
+#[test]
+fn a_linearised_frame_goes_along_any_direction() {
+    for (name, scene) in [("cartpole", "free"), ("cube", "ground"), ("ant", "ground"), ("anymal", "ground")] {
+        let (system, mut solver, mut random) = (built_in(name), settled(four()), stream(3, 0));
+        let robot = &system.robot;
+        let (size, joints, envs) = (2 * robot.nv(), robot.joint_count(), 20);
+        let mut batch = begun(&system, scene, envs);
+        for _ in 0..40 {
+            solver.step(&mut batch, &pushed(&system, envs, &mut random)).expect("steps");
+        }
+        let torques = pushed(&system, envs, &mut random);
+        let [along, row] = [(); 2].map(|()| direction(envs * size, &mut random));
+        let pushes = direction(envs * joints, &mut random);
+        let forward = solver.linearise(&batch, &torques).expect("a frame").forward(&along, &pushes);
+        let back = solver.back(&batch, &torques, 1, &row).expect("slopes");
+        let mut errors: Vec<f64> = (0..envs)
+            .map(|e| {
+                let (s, t) = (e * size..(e + 1) * size, e * joints..(e + 1) * joints);
+                let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+                let there = dot(&forward[s.clone()], &row[s.clone()]);
+                let again = dot(&back.states[s.clone()], &along[s.clone()]) + dot(&back.torques[t.clone()], &pushes[t.clone()]);
+                let most = norm(forward[s.clone()].iter().copied()) * norm(row[s.clone()].iter().copied());
+                assert!((there - again).abs() < 1e-12 * most, "{name}: tangent {there}, adjoint {again}");
+                let (expected, _) = central(3e-6, |by| {
+                    let mut state = batch.state(e).to_vec();
+                    let change: Vec<f64> = along[s.clone()].iter().map(|x| x * by).collect();
+                    moved(robot, batch.state(e), &change, &mut state);
+                    let torques: Vec<f64> = torques[t.clone()].iter().zip(&pushes[t.clone()]).map(|(t, p)| t + p * by).collect();
+                    difference(
+                        robot,
+                        &back.next[e * robot.state_dim()..][..robot.state_dim()],
+                        &stepped(&mut solver, &batch, &state, &torques),
+                    )
+                });
+                apart(&forward[s], &expected)
+            })
+            .collect();
+        errors.sort_by(f64::total_cmp);
+        let most = errors[envs * 9 / 10 - 1];
+        assert!(most < EXACT, "{name}, {scene}: error along a direction {most:.1e} in nine of ten states");
+    }
+}
+
 #[test]
 fn slopes_of_a_rollout_are_products_of_those_of_its_frames() {
     const FRAMES: usize = 32;

@@ -5,7 +5,7 @@
 //! J = sum over steps of (|r(x)|^2 + effort |u|^2) / 2
 //! ```
 //!
-//! with `r' r` for its second derivative (Gauss-Newton), a linearised solver ([`nerd_sim::solver::Solver::back`]), regularisation by distance
+//! with `r' r` for its second derivative (Gauss-Newton), a linearised solver ([`nerd_sim::solver::Solver::linearise`]), regularisation by distance
 //! from the states of the plan (their eq. 10 and 11), and a line search whose steps are rolled out beside each other. Actions are clamped to
 //! [-1, 1]; one at its limit that its slope pushes further stays there, without feedback, in the spirit of Tassa, Mansard and Todorov 2014. Each
 //! call first rolls out what the last one found, from where the environment is now, then linearises about the cheapest copy.

@@ -23,8 +23,7 @@ fn through(
     frames: usize,
 ) -> Result<(Slopes, Vec<(usize, usize)>), StepError> {
     let Batch { system, scenes, .. } = &present.simulation.batch;
-    let (d, size, joints) = (system.robot.state_dim(), 2 * system.robot.nv(), system.robot.joint_count());
-    let identity: Vec<f64> = (0..size * size).map(|k| f64::from(u8::from(k % (size + 1) == 0))).collect();
+    let (d, joints) = (system.robot.state_dim(), system.robot.joint_count());
     let mut known: Vec<(usize, usize)> = (0..envs.len()).flat_map(|env| (0..frames).map(move |frame| (env, frame))).collect();
     while !known.is_empty() {
         let of = |all: &[f64], each: usize, width: usize| -> Vec<f64> {
@@ -36,7 +35,7 @@ fn through(
             frames: vec![0; known.len()],
             ..Batch::new(system, &scenes[0], 0)
         };
-        let faults = match episodes.simulation.solver.back(&batch, &of(torques, frames, joints), size, &identity.repeat(known.len())) {
+        let faults = match episodes.simulation.solver.linearise(&batch, &of(torques, frames, joints)) {
             Ok(slopes) => return Ok((slopes, known)),
             Err(error) => error.faults()?,
         };
