@@ -9,7 +9,6 @@ pub struct Controller {
     /// Stiffness (N m/rad or N/m) and damping (N m s/rad or N s/m) by joint; without a PD law both are zero.
     pub gains: Vec<[f64; 2]>,
     ahead: Option<Ahead>,
-    /// Whether each joint's angle wraps.
     wraps: Vec<bool>,
     /// Distance from the target and velocity by joint, now or a frame ahead.
     gaps: Vec<[f64; 2]>,

@@ -51,7 +51,6 @@ impl Drive {
         [-most(qd < -joint.velocity), most(qd > joint.velocity)]
     }
 
-    /// Says what is no gain, place or effort.
     pub(crate) fn check(&self) -> Result<(), String> {
         within("a drive's kp", self.kp, 0.0..=1e9, "")?;
         within("a drive's kd", self.kd, 0.0..=1e9, "")?;

@@ -153,7 +153,6 @@ impl States {
     }
 }
 
-/// Positions of the columns.
 struct Columns {
     traj: usize,
     step: usize,

@@ -9,7 +9,6 @@ use crate::internal::*;
 /// How far a quaternion's length may be from 1: digits are cut in files.
 const UNIT: f64 = 1e-3;
 
-/// An open table.
 pub(crate) struct Table {
     path: PathBuf,
     pub names: Vec<String>,
@@ -44,7 +43,6 @@ impl Table {
     }
 }
 
-/// A row that knows its line.
 pub(crate) struct Row<'a> {
     pub line: u64,
     path: &'a Path,

@@ -12,7 +12,6 @@ use common::*;
 struct Counting;
 
 thread_local! {
-    /// Allocations of this thread.
     static COUNT: Cell<usize> = const { Cell::new(0) };
 }
 

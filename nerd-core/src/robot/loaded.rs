@@ -79,7 +79,6 @@ impl UrdfError {
     }
 }
 
-/// The same words in one line.
 fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }

@@ -13,7 +13,6 @@ fn accelerations(robot: &Robot, q: &[f64], qd: &LocalVelocity<Vec<f64>>, tau: &[
     Data::new(robot).forward_dynamics(robot, q, qd, tau, &GRAVITY).expect("inertia").as_slice().to_vec()
 }
 
-/// What is asked of working memory.
 type Ask<'a> = &'a dyn Fn(&mut Data) -> Vec<f64>;
 
 #[test]

@@ -147,7 +147,6 @@ pub fn joint(name: &str, kind: &str, parent: &str, child: &str, inner: &str) -> 
     format!(r#"<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{inner}</joint>"#)
 }
 
-/// A robot of such parts.
 pub fn urdf(parts: &[String]) -> String {
     format!(r#"<robot name="r">{}</robot>"#, parts.concat())
 }
@@ -159,7 +158,6 @@ pub fn refusal(text: &str, base: Base) -> String {
     said
 }
 
-/// The text with one change.
 pub fn changed(text: &str, from: &str, to: &str) -> String {
     assert!(text.contains(from), "`{from}` is not in the text");
     text.replacen(from, to, 1)

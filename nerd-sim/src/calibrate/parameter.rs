@@ -215,7 +215,6 @@ impl Parameter {
     }
 }
 
-/// The axis that a name ends with.
 fn axis(name: &str) -> usize {
     ["x", "y", "z"].iter().position(|axis| name.ends_with(axis)).unwrap_or_default()
 }

@@ -6,7 +6,6 @@ use super::drive::{Act, Drive, Smooth};
 use super::{config::GenerateConfig, shard::DatasetError};
 use crate::{internal::*, sampling::scene, vary};
 
-/// Random trajectories about to begin.
 pub(super) struct Begun {
     pub batch: Batch,
     pub streams: Vec<ChaCha8Rng>,

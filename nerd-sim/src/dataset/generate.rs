@@ -159,7 +159,6 @@ fn removed(path: &Path) -> Result<(), FileError> {
     }
 }
 
-/// A shard to be made.
 struct Shard {
     name: String,
     first: usize,
@@ -167,14 +166,12 @@ struct Shard {
 }
 
 impl Shard {
-    /// All of a data set.
     fn all(config: &GenerateConfig) -> Vec<Self> {
         let (most, total) = (config.shard_trajectories, config.trajectories());
         let shard = |(k, first)| Self { name: format!("shard-{k:05}.safetensors"), first, count: most.min(total - first) };
         (0..total).step_by(most).enumerate().map(shard).collect()
     }
 
-    /// Its metadata.
     fn header(&self, identity: &BTreeMap<String, String>, config: &GenerateConfig) -> BTreeMap<String, String> {
         let settings = [
             ("seed", config.seed.to_string()),

@@ -35,7 +35,6 @@ pub struct Manifest {
 }
 
 impl Manifest {
-    /// That of a folder.
     pub(super) fn path(folder: &Path) -> PathBuf {
         folder.join("manifest.json")
     }

@@ -33,7 +33,6 @@ pub(super) struct Raw {
     pub moments: Vec<Moment>,
 }
 
-/// Positions of the columns.
 struct Columns<'a> {
     spec: &'a LogSpec,
     trajectory: Option<usize>,

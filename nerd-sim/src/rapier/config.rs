@@ -35,7 +35,6 @@ impl RapierConfig {
         Self { iterations: n, steps: 1, ..Self::default() }
     }
 
-    /// Says what is wrong, if anything is.
     pub(super) fn check(&self) -> Result<(), String> {
         within("rapier: iterations", self.iterations as f64, 1.0..=MOST_SUBSTEPS as f64, "")?;
         within("rapier: steps", self.steps as f64, 1.0..=MOST_SUBSTEPS as f64, "")?;

@@ -17,7 +17,6 @@ pub(super) struct Template {
     pub(super) bodies: RigidBodySet,
     pub(super) colliders: ColliderSet,
     pub(super) joints: MultibodyJointSet,
-    /// Body of each link.
     pub(super) links: Vec<RigidBodyHandle>,
     /// The multibody; none for a single free body. Its link 0 is the base or the floating root, its DoFs are in the
     /// order of `qd`, but a root's linear ones come first.

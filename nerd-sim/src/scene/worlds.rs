@@ -50,7 +50,6 @@ fn turned_plane(gravity: &Vector3<f64>, PlaneSpec { height, angles }: &PlaneSpec
     Plane { normal, offset: normal.dot(&(up * *height)) }
 }
 
-/// An upright cylinder.
 pub(crate) fn peg(spec: &PegSpec, gravity: &Vector3<f64>, material: Material) -> Collider {
     // Parry's cylinders lie along y.
     let standing = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);

@@ -67,7 +67,6 @@ impl Capsule {
         Self { middle: position + rotation * self.middle, half: rotation * self.half, radius: self.radius }
     }
 
-    /// Those of a shape.
     pub(crate) fn of_shape(shape: &Shape) -> Vec<Self> {
         let axis = |half_length: f64, radius: f64| (radius > 0.0).then(|| along(&shape.pose, 2, half_length, radius)).into_iter().collect();
         match shape.kind {

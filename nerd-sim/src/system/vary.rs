@@ -46,7 +46,6 @@ impl VarySpec {
         ]
     }
 
-    /// Says which range is not of this world.
     pub(crate) fn check(&self, gravity: bool) -> Result<(), String> {
         if self.gravity.is_some() && !gravity {
             return Err("vary.gravity: the robot has no gravity whose size could vary".into());
@@ -55,7 +54,6 @@ impl VarySpec {
         ranges.try_for_each(|(key, range, may, unit)| law(&format!("vary.{key}"), &range, may, unit))
     }
 
-    /// Says which range the robot has nothing for.
     pub(crate) fn fits(&self, robot: &Robot) -> Result<(), String> {
         let joints = ["gain", "joint_damping", "armature"];
         let asked = |(key, range, ..): &(&'static str, Option<Range>, _, _)| range.is_some().then_some(*key);

@@ -43,7 +43,6 @@ pub fn endless(config: ArticulatedConfig, batch: &Batch, state: &[f64], torques:
     apart(&longer, next) > 1e-12
 }
 
-/// Rows of an identity.
 pub fn identity(rows: usize) -> Vec<f64> {
     (0..rows * rows).map(|k| f64::from(k % (rows + 1) == 0)).collect()
 }

@@ -6,7 +6,6 @@ pub mod differences;
 pub use nerd_sim::dataset::{GenerateConfig, record};
 pub use nerd_sim::prelude::*;
 
-/// A robot that is built in.
 pub fn built_in(name: &str) -> Arc<System> {
     System::named(name).expect("built in")
 }
@@ -73,7 +72,6 @@ pub fn line<T>(refused: Result<T, impl std::fmt::Display>) -> String {
     said
 }
 
-/// The text with one change.
 pub fn changed(text: &str, from: &str, to: &str) -> String {
     assert!(text.contains(from), "`{from}` is not in the text");
     text.replacen(from, to, 1)
@@ -97,7 +95,6 @@ pub fn joint(name: &str, kind: &str, [parent, child]: [&str; 2], inner: &str) ->
     format!(r#"<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{inner}</joint>"#)
 }
 
-/// A robot of such parts.
 pub fn urdf(parts: &[String]) -> String {
     format!(r#"<robot name="r">{}</robot>"#, parts.concat())
 }
@@ -148,7 +145,6 @@ impl Reference {
         Some(Self { columns, rows: rows.collect() })
     }
 
-    /// Where these columns are.
     pub fn places<S: AsRef<str>>(&self, names: &[S]) -> Vec<usize> {
         let place = |name: &S| self.columns.iter().position(|c| c == name.as_ref());
         names.iter().map(|name| place(name).unwrap_or_else(|| panic!("no column {}", name.as_ref()))).collect()

@@ -43,7 +43,6 @@ pub struct Compiler {
 }
 
 impl Compiler {
-    /// If the machine has one.
     pub fn find() -> Option<Self> {
         let works = |name: &&str| Command::new(name).arg("--version").output().is_ok_and(|o| o.status.success());
         let Some(name) = ["c++", "g++", "clang++"].into_iter().find(works) else {

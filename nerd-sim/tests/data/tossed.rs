@@ -23,7 +23,6 @@ pub struct Toss {
     pub held: usize,
 }
 
-/// The sample's cube.
 pub fn cube() -> Arc<System> {
     System::named(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/logs/cube.urdf")).expect("the sample's cube")
 }
@@ -48,7 +47,6 @@ pub fn stamp(id: u64, frame: usize) -> String {
     format!("{id},{:.9}", frame as f64 / 148.0)
 }
 
-/// As a table.
 pub fn text(tosses: &[Toss]) -> String {
     let system = cube();
     let mut out = String::from("toss,t,px,py,pz,qw,qx,qy,qz,vx,vy,vz,wx,wy,wz\n");
@@ -73,7 +71,6 @@ pub fn text(tosses: &[Toss]) -> String {
     out
 }
 
-/// The TOML that describes it.
 pub fn header() -> &'static str {
     r#"file = "cube.csv"
 robot = "cube.urdf"

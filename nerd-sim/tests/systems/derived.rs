@@ -43,7 +43,6 @@ fn arm() -> String {
     urdf(&parts)
 }
 
-/// The robot of a file, with a TOML beside it.
 fn read(urdf: &str, toml: Option<&str>) -> Result<Arc<System>, SystemError> {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("robot.urdf");

@@ -22,7 +22,6 @@ fn cable(keys: &str) -> Result<Arc<System>, Error> {
     Ok(Arc::new(System::from_toml("cable", &text)?))
 }
 
-/// Place of the free end.
 fn end(system: &System, state: &[f64]) -> Vector3<f64> {
     points(&system.robot, state).pop().unwrap_or_default()
 }
