@@ -1,6 +1,6 @@
 //! What a solver can do beside stepping states, and why it could not step.
 
-use crate::prelude::*;
+use crate::batch::Batch;
 
 /// What a solver can do beside stepping states; ask [`super::Solver::capabilities`] before the first step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

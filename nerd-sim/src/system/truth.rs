@@ -1,7 +1,8 @@
 //! The solvers that models learn from. A model's card names its own with settings, since the same engine at other settings is another
 //! motion.
 
-use crate::internal::*;
+use nerd_core::robot::Robot;
+use serde::{Deserialize, Serialize};
 
 /// What a model learns and is compared with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
