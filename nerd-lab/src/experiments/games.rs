@@ -86,7 +86,7 @@ pub fn arena_of(task: &str, word: &str, device: Device) -> Result<Arena> {
     }
     #[cfg(not(feature = "cuda"))]
     if device.is_cuda() {
-        bail!("--device {device}: articulated is computed there in a build with `--features cuda`");
+        bail!("--device {device} needs a build with `--features cuda`");
     }
     Ok(if word == "truth" { Arena::Truth(Truth::Articulated) } else { Arena::Judge(setting) })
 }

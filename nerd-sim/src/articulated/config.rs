@@ -110,7 +110,7 @@ impl ArticulatedConfig {
     /// As accurate as can be: RK4 with four substeps in free space, [`Self::implicit`] with 128 where there is something to touch.
     ///
     /// Four are enough while no joint turns by more than some 0.1 rad in a substep. A light wrist without damping or armature whose
-    /// axes line up spins far faster and wants 64 to 256 (`nerd-sim/tests/convergence.rs`).
+    /// axes line up spins far faster and wants 64 to 256 (`nerd-sim/tests/articulated/convergence.rs`).
     pub fn converged(friction: Friction) -> Self {
         Self::implicit(128, friction)
     }

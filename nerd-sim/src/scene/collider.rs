@@ -69,7 +69,7 @@ impl Collider {
 
     /// Says what is not finite or out of its range, if anything is. Solvers ask in every frame.
     pub fn check(&self) -> Result<(), String> {
-        let unit = |square: f64| (square - 1.0).abs() < 1e-6;
+        let unit = |square: f64| (square - 1.0).abs() < 2e-6;
         let (place, turn) = (&self.pose.translation.vector, self.pose.rotation.quaternion());
         if let Some(Plane { normal, offset }) = &self.plane {
             if !(unit(normal.norm_squared()) && offset.is_finite()) {

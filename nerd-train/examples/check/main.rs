@@ -3,7 +3,7 @@
 //! ```text
 //! cargo run --release -p nerd-train --features cuda --example check              all parts
 //! cargo run --release -p nerd-train --features cuda --example check -- PART..    some of them
-//! cargo run --release -p nerd-train --features cuda --example check -- slopes 30  policies learn for so many seconds
+//! cargo run --release -p nerd-train --features cuda --example check -- shac 30    policies learn for so many seconds
 //! torchrun --no-python --nproc-per-node 2 target/release/examples/check ranks    several cards
 //! ```
 //!

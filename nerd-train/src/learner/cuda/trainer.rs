@@ -63,8 +63,12 @@ impl CudaLearner {
     }
 
     /// For these of its rows of the batch: gradients of parts make up the whole's.
+    ///
+    /// # Panics
+    /// For more rows than it was made for.
     pub fn of_rows(self, rows: Range<usize>) -> Self {
-        Self { rows, ..self }
+        assert!(rows.len() <= self.rows.len(), "{} rows of {}", rows.len(), self.rows.len());
+        Self { rows, replay: Replay::default(), ..self }
     }
 
     /// What this rank's rows add to the gradient of the next update before clipping (in the order of the flat weights) and to its loss,

@@ -105,16 +105,15 @@ impl Engine for CudaEngine {
         let mut world = self.world(on.episodes)?;
         let there = on.episodes.simulation.solver.resident().is_some();
         let taken = match world.as_mut().filter(|_| there) {
-            Some(world) => {
-                let taken = self.stay(world, &mut on)?;
+            Some(world) => self.stay(world, &mut on).and_then(|taken| {
                 self.reached(self.weights.ptr)?;
                 self.finished(on.config)?;
-                taken
-            }
-            None => self.turns(on)?,
+                Ok(taken)
+            }),
+            None => self.turns(on),
         };
         self.world = Some(world);
-        Ok(taken)
+        taken
     }
 
     fn update(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, key: StreamKey) -> Result<Updated> {
