@@ -6,6 +6,7 @@
 //! With [`View::Moving`] it also holds the velocity of each contact point (3 C, m/s), masked likewise, and
 //! how near it is now and a frame ahead (2 C), 1 beyond `xi`; after gravity the x and y axes of every link but the first (6); at the end
 //! sine and cosine of every angle, the sine of one that wraps in its place.
+//! Where the robot is told ([`Form::told`]), the last numbers are those that were drawn of it ([`Told`]).
 //! The target is the change over the frame, seen from the frame of the token: additive for positions, joints and velocities (angles
 //! wrapped), a quaternion from the left for the orientation of a floating root. [`Base`] says from where it counts.
 //!
@@ -13,6 +14,7 @@
 
 use nerd_core::dynamics::{link_pose, velocities};
 use nerd_core::state::wrap_state;
+use nerd_sim::vary::Told;
 
 use crate::base::Base;
 use crate::form::{Form, View};
@@ -31,6 +33,8 @@ pub struct Features {
     velocities: Vec<Vector3<f64>>,
     near: Vec<f64>,
     far: Vec<f64>,
+    /// What the tokens' robot is told by, and its numbers.
+    told: (Told, Vec<f64>),
 }
 
 impl Features {
@@ -38,7 +42,18 @@ impl Features {
     pub fn new(system: &Arc<System>, form: impl Into<Form>) -> Self {
         let d = system.robot.state_dim();
         let (data, near, far) = (Data::new(&system.robot), vec![0.0; d], vec![0.0; d]);
-        Self { data, system: system.clone(), form: form.into(), velocities: Vec::new(), near, far }
+        let form = form.into();
+        let told = if form.told { Told::new(system) } else { Told::default() };
+        let mut new = Self { data, system: system.clone(), form, velocities: Vec::new(), near, far, told: (told, Vec::new()) };
+        new.tell(&[]);
+        new
+    }
+
+    /// Whose the tokens to come are: what was drawn of that robot, or nothing of one as its files have it.
+    pub fn tell(&mut self, drawn: &[f64]) {
+        let (told, numbers) = &mut self.told;
+        numbers.clear();
+        numbers.extend(told.numbers(drawn));
     }
 
     /// Whether the robot has surroundings: it has contact points or a free base.
@@ -51,6 +66,7 @@ impl Features {
         let form = form.into();
         let moving = form.view == View::Moving;
         let plain = Self::torques(system, form) + system.robot.joint_count();
+        let plain = plain + if form.told { Told::new(system).count() } else { 0 };
         let plain = plain + if moving { system.robot.joints().map(waves).sum() } else { 0 };
         let axes = if moving { 6 * (system.robot.links.len() - 1) } else { 0 };
         if Self::situated(&system.robot) { plain + 3 + axes } else { plain }
@@ -96,7 +112,8 @@ impl Features {
             self.near.copy_from_slice(state);
         }
         let waves = self.waves();
-        let mut rest = out;
+        let (mut rest, told) = out.split_at_mut(out.len() - self.told.1.len());
+        cast(&self.told.1, told);
         let mut put = |x: &[f64]| {
             let (now, later) = std::mem::take(&mut rest).split_at_mut(x.len());
             cast(x, now);

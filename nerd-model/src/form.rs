@@ -22,6 +22,8 @@ pub struct Form {
     pub base: Base,
     /// What tokens hold.
     pub view: View,
+    /// Whether they end with what was drawn of their robot ([`nerd_sim::vary::Told`]).
+    pub told: bool,
 }
 
 impl From<Base> for Form {

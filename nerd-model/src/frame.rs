@@ -50,6 +50,7 @@ impl Frame {
         if !robot.contact_points.is_empty() {
             contacts(robot, scene, state, &mut self.data, &mut self.events);
         }
+        self.features.tell(&batch.of(env).drawn);
         self.features.token(state, &self.events, &torques[env * joints..][..joints], &scene.gravity, token);
         self.around.normalizer.inputs.normalize(token);
     }

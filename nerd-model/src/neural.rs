@@ -4,7 +4,7 @@
 //! frame of reference, and the network ([`Stream`]) remembers the last ones. A gap in an environment's frames (a reset, frames stepped by
 //! another solver, a failed frame) clears that memory.
 
-use nerd_sim::solver::{Fault, Slopes, check, commit};
+use nerd_sim::solver::{Fault, Slopes, check, check_kin, commit};
 use rayon::prelude::*;
 
 use crate::prelude::*;
@@ -16,7 +16,7 @@ const CHUNK: usize = 16;
 /// Most environments whose way back is made at once, at least as many.
 const ROWS: usize = 128;
 
-/// A model as a [`Solver`].
+/// A model as a [`Solver`]. Robots of their own it takes where the batch's has `[vary]`: one that is told sees what was drawn of each.
 pub struct Neural {
     model: Model,
     network: Box<dyn Stream>,
@@ -51,6 +51,12 @@ impl Neural {
         &self.model
     }
 
+    /// Robots of their own are for models of a family.
+    fn check(&mut self, batch: &Batch, torques: &[f64]) -> Result<(), StepError> {
+        let check = if batch.system.spec.vary.is_some() { check_kin } else { check };
+        check(batch, torques, &mut self.faults)
+    }
+
     /// Makes room for a batch.
     fn begin(&mut self, batch: &Batch) -> Result<(), StepError> {
         if self.model.config.network.architecture == Architecture::Chain {
@@ -82,7 +88,7 @@ impl Neural {
 
 impl Solver for Neural {
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
-        check(batch, torques, &mut self.faults)?;
+        self.check(batch, torques)?;
         self.begin(batch)?;
         self.forget(batch);
         let (before, network) = (&*batch, self.model.config.network);
@@ -109,7 +115,7 @@ impl Solver for Neural {
                 "this model has no slopes: its network sees more than one frame, take a pure one whose architecture is `residual`".into(),
             ));
         }
-        check(batch, torques, &mut self.faults)?;
+        self.check(batch, torques)?;
         if !self.faults.is_empty() {
             return Err(StepError::Environments(std::mem::take(&mut self.faults)));
         }

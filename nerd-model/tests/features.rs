@@ -5,7 +5,7 @@ use nerd_model::{base::Base, features::Features};
 use nerd_sim::prelude::*;
 
 fn forms() -> impl Iterator<Item = Form> {
-    [Base::State, Base::Trapezoid].into_iter().flat_map(|base| [View::Own, View::Moving].map(|view| Form { base, view }))
+    [Base::State, Base::Trapezoid].into_iter().flat_map(|base| [View::Own, View::Moving].map(|view| Form { base, view, told: false }))
 }
 
 fn system(robot: &str) -> Arc<System> {
@@ -61,7 +61,7 @@ fn told(robot: &str, view: View, motion: &Isometry3<f64>, k: u64) -> Vec<f32> {
     let torques: Vec<f64> = (0..system.robot.joint_count()).map(|i| 10.0 * (i as f64).sin()).collect();
     let mut events = Vec::new();
     contacts(&system.robot, &scene, &state, &mut Data::new(&system.robot), &mut events);
-    let form = Form { base: Base::State, view };
+    let form = Form { view, ..Base::State.into() };
     let mut out = vec![0.0; Features::inputs(&system, form)];
     Features::new(&system, form).token(&state, &events, &torques, &scene.gravity, &mut out);
     out

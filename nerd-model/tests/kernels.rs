@@ -80,7 +80,7 @@ fn kernels_tell_and_apply_as_the_solver_does() {
         ("ant", "free", Base::Trapezoid),
         ("anymal", "ground", Base::Trapezoid),
     ];
-    let each = |(robot, scene, base)| [View::Own, View::Moving].map(|view| (robot, scene, Form { base, view }));
+    let each = |(robot, scene, base)| [View::Own, View::Moving].map(|view| (robot, scene, Form { base, view, told: false }));
     for (robot, scene, form) in table.into_iter().flat_map(each) {
         let (system, n) = (System::named(robot).expect("built in"), 40);
         // Most touch something.

@@ -24,7 +24,7 @@ const ROBOTS: [(&str, &str); 6] =
 fn a_gradient_by_a_token_comes_to_the_state_as_differences_say() {
     let views = [View::Own, View::Moving];
     for ((robot, scene), view) in ROBOTS.into_iter().flat_map(|robot| views.map(|view| (robot, view))) {
-        let form = Form { base: Base::State, view };
+        let form = Form { view, ..Base::State.into() };
         let system = System::named(robot).expect("built in");
         let scene = system.scene(scene).expect("built in");
         let (mut features, mut data) = (Features::new(&system, form), Data::new(&system.robot));

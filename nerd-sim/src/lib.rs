@@ -17,6 +17,7 @@ mod random;
 pub mod range;
 #[cfg(feature = "rapier")]
 pub mod rapier;
+pub mod rig;
 #[cfg(feature = "csv")]
 pub mod rollout;
 pub mod sampling;

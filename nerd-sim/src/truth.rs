@@ -1,15 +1,20 @@
 //! The solvers of [`Truth`], from which models learn.
 
-use crate::internal::*;
 #[cfg(feature = "rapier")]
 use crate::rapier::{Rapier, RapierConfig};
 #[cfg(feature = "rapier")]
 use crate::system::truth::{ITERATIONS, STEPS};
 pub use crate::system::truth::{RECORDED, Truth};
+use crate::{internal::*, rig::Rig, vary::VarySpec};
 
 impl Truth {
-    /// The solver itself.
+    /// The solver itself; behind motors and sensors where those differ from robot to robot.
     pub fn solver(self, system: &System) -> Box<dyn Solver> {
+        let bare = self.bare(system);
+        if system.spec.vary.as_ref().is_some_and(VarySpec::rigged) { Box::new(Rig::new(bare)) } else { bare }
+    }
+
+    fn bare(self, system: &System) -> Box<dyn Solver> {
         match self {
             Self::Articulated => Box::new(Articulated::new(ArticulatedConfig::accurate(system))),
             Self::Paper => Box::new(Articulated::new(ArticulatedConfig::paper(system, Friction::Coulomb))),

@@ -14,73 +14,117 @@
 //! ```
 
 use crate::internal::*;
+use crate::system::motors::Motors;
 pub use crate::system::vary::VarySpec;
 
 /// A system with numbers drawn from the ranges of its `[vary]`, itself where it has none; and what was drawn, by [`columns`].
 pub fn draw(system: &Arc<System>, rng: &mut impl Rng) -> (Arc<System>, Vec<f64>) {
-    let mut drawn = Vec::new();
-    let varied = varied(system, &mut |_, _, range| {
-        drawn.push(range.draw(rng));
-        drawn[drawn.len() - 1]
-    });
-    (varied.map_or_else(|| system.clone(), Arc::new), drawn)
+    let varied = varied(system, &mut |what| what.range.draw(rng));
+    varied.map_or_else(|| (system.clone(), Vec::new()), |(own, drawn)| (Arc::new(own), drawn))
 }
 
 /// Names of what [`draw`] draws, in order: `mass:LINK`, `friction`, `gain:JOINT`.
 pub fn columns(system: &System) -> Vec<String> {
     let mut names = Vec::new();
-    varied(system, &mut |what, whose, range| {
-        names.push(if whose.is_empty() { what.into() } else { format!("{what}:{whose}") });
+    varied(system, &mut |Drawn { what, whose, range, .. }| {
+        names.push(if whose.is_empty() { what.to_string() } else { format!("{what}:{whose}") });
         range.low
     });
     names
 }
 
-/// A system with the numbers that `take` gives for each range of its `[vary]`, if it has one: what it is of, whose, and the range.
-fn varied(system: &System, take: &mut dyn FnMut(&str, &str, &Range) -> f64) -> Option<System> {
-    let vary = system.spec.vary.as_ref()?;
-    let mut own = system.clone();
-    let mut take = |what: &str, whose: &str, range: &Option<Range>| range.as_ref().map(|range| take(what, whose, range));
+/// A number that differs from robot to robot: what it is of, whose, its range, and what it is in the robot's files.
+struct Drawn<'a> {
+    what: &'a str,
+    whose: &'a str,
+    range: Range,
+    nominal: f64,
+}
+
+/// What a model may be told of a robot: what was drawn of it, but for ripples, which no analytic solver is told either.
+#[derive(Clone, Debug, Default)]
+pub struct Told(Vec<(usize, Range, f64)>);
+
+impl Told {
+    /// Of a system's robots.
+    pub fn new(system: &System) -> Self {
+        let (mut told, mut k) = (Vec::new(), 0);
+        varied(system, &mut |Drawn { what, range, nominal, .. }| {
+            told.extend((*what != "ripple").then_some((k, *range, *nominal)));
+            k += 1;
+            range.low
+        });
+        Self(told)
+    }
+
+    /// How many numbers.
+    pub fn count(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Each number from -1 to 1 over its range; of a robot as its files have it (`drawn` empty) its own, which may be beyond.
+    pub fn numbers<'a>(&'a self, drawn: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+        self.0.iter().map(|(k, Range { low, high }, nominal)| {
+            let value = drawn.get(*k).unwrap_or(nominal);
+            if high > low { (2.0 * value - low - high) / (high - low) } else { 0.0 }
+        })
+    }
+}
+
+/// A system with the numbers that `take` gives for each range of its `[vary]`, and those, if it has one.
+fn varied(system: &System, take: &mut dyn FnMut(&Drawn) -> f64) -> Option<(System, Vec<f64>)> {
+    let (vary, mut own, mut drawn) = (system.spec.vary.as_ref()?, system.clone(), Vec::new());
+    let mut take = |what: &str, whose: &str, range: &Option<Range>, nominal: f64| {
+        let x = take(&Drawn { what, whose, range: (*range)?, nominal });
+        drawn.push(x);
+        Some(x)
+    };
     for link in &mut own.robot.links {
         let body = &mut link.inertia;
-        if let Some(factor) = take("mass", &link.name, &vary.mass) {
+        if let Some(factor) = take("mass", &link.name, &vary.mass, 1.0) {
             body.mass *= factor;
             body.inertia *= factor;
         }
-        if let Some(factor) = take("inertia", &link.name, &vary.inertia) {
+        if let Some(factor) = take("inertia", &link.name, &vary.inertia, 1.0) {
             body.inertia *= factor;
         }
         for (x, what) in body.com.iter_mut().zip(["com.x", "com.y", "com.z"]) {
-            if let Some(shift) = take(what, &link.name, &vary.com) {
+            if let Some(shift) = take(what, &link.name, &vary.com, 0.0) {
                 *x += shift;
             }
         }
     }
-    let friction = take("friction", "", &vary.friction);
-    let stiffness = take("stiffness", "", &vary.stiffness).unwrap_or(1.0);
+    let friction = take("friction", "", &vary.friction, system.spec.material.friction);
+    let stiffness = take("stiffness", "", &vary.stiffness, 1.0).unwrap_or(1.0);
     let scenes = own.spec.scenes.iter_mut().filter_map(|s| s.material.as_mut());
     for material in scenes.chain([&mut own.spec.material]) {
         material.friction = friction.unwrap_or(material.friction);
         material.stiffness *= stiffness;
         material.damping *= stiffness;
     }
-    if let Some(size) = take("gravity", "", &vary.gravity) {
+    if let Some(size) = take("gravity", "", &vary.gravity, system.gravity().norm()) {
         own.spec.gravity = (own.gravity().normalize() * size).into();
     }
+    let Motors { delay, strength, zeros, ripple } = &mut own.motors;
     for (joint, spec) in own.robot.joints_mut().zip(&mut own.spec.joints) {
-        if let Some(factor) = take("gain", &joint.name, &vary.gain) {
+        if let Some(factor) = take("gain", &joint.name, &vary.gain, 1.0) {
             spec.kp *= factor;
             spec.kd *= factor;
         }
-        if let Some(factor) = take("joint_damping", &joint.name, &vary.joint_damping) {
+        if let Some(factor) = take("joint_damping", &joint.name, &vary.joint_damping, 1.0) {
             joint.damping *= factor;
             joint.friction *= factor;
         }
-        if let Some(more) = take("armature", &joint.name, &vary.armature) {
-            joint.armature += more;
-        }
+        joint.armature += take("armature", &joint.name, &vary.armature, 0.0).unwrap_or(0.0);
+        joint.damping += take("damping", &joint.name, &vary.damping, 0.0).unwrap_or(0.0);
+        joint.friction += take("dry_friction", &joint.name, &vary.dry_friction, 0.0).unwrap_or(0.0);
+        strength.extend(take("strength", &joint.name, &vary.strength, 1.0));
+        zeros.extend(take("zero", &joint.name, &vary.zero, 0.0));
+        ripple.extend(take("ripple", &joint.name, &vary.ripple, 0.0));
     }
-    Some(own)
+    *delay += take("delay", "", &vary.delay, 0.0).unwrap_or(0.0);
+    own.drawn.clone_from(&drawn);
+    Some((own, drawn))
 }
 
 /// `n` environments in the scene of this name, each with numbers of its own; as many robots as one where there is no `[vary]`.

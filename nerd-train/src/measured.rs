@@ -151,7 +151,8 @@ impl Measured {
         };
         Ok(Pieces {
             system: self.log.system.clone(),
-            scene: self.scene()?,
+            systems: Vec::new(),
+            scenes: vec![self.scene()?; starts.len()],
             before,
             states: rows(&|t, k| t.states[k].clone(), length + 1),
             torques: rows(&|t, k| t.torques[k].clone(), length),

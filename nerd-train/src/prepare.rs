@@ -17,6 +17,8 @@ pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form:
         |features, (trajectory, (x, y))| {
             let states = &recording.states[trajectory * (f + 1) * d..][..(f + 1) * d];
             let torques = &recording.torques[trajectory * f * joints..][..f * joints];
+            let width = recording.drawn.len() / recording.trajectories;
+            features.tell(&recording.drawn[trajectory * width..][..width]);
             let gravity = vector(&recording.gravity[3 * trajectory..]);
             for frame in 0..f {
                 let (x, y) = (&mut x[frame * inputs..][..inputs], &mut y[frame * d..][..d]);

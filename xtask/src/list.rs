@@ -50,7 +50,7 @@ pub fn run(args: ListArgs) -> Result<()> {
 fn robots() -> Result<Table> {
     let header = ["robot", "base", "joints", "state", "contact points", "frame (ms)", "data from"];
     let mut rows = Vec::new();
-    for name in System::built_in().into_iter().chain(System::cables()) {
+    for name in System::built_in().into_iter().chain(System::families()).chain(System::cables()) {
         let system = System::named(name)?;
         let (robot, spec) = (&system.robot, &system.spec);
         let base = if robot.floating() { "free" } else { "fixed" };
@@ -66,7 +66,7 @@ fn robots() -> Result<Table> {
 fn scenes(robot: Option<&str>) -> Result<Table> {
     let robots = match robot {
         Some(robot) => vec![robot],
-        None => [System::built_in(), System::cables()].concat(),
+        None => [System::built_in(), System::families(), System::cables()].concat(),
     };
     let mut rows = Vec::new();
     for name in robots {

@@ -30,6 +30,9 @@ pub struct ModelConfig {
     /// Where its tokens are seen from.
     #[serde(default, skip_serializing_if = "usual")]
     pub view: View,
+    /// Whether its tokens end with what was drawn of their robot.
+    #[serde(default, skip_serializing_if = "usual")]
+    pub told: bool,
     /// Shape of the network.
     pub network: TransformerConfig,
     /// Hash of all that decides its predictions ([`super::Model::sha256`]); [`super::Model::save`] writes it.
@@ -63,7 +66,7 @@ impl ModelConfig {
 
     /// In which form it sees and predicts motion.
     pub fn form(&self) -> Form {
-        Form { base: self.base, view: self.view }
+        Form { base: self.base, view: self.view, told: self.told }
     }
 
     /// Refuses another robot's model, and one of another truth if one is named; by name, as far as names go.

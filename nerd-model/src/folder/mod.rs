@@ -76,6 +76,9 @@ impl Model {
         let mut hash = Sha256::new();
         hash.update((shape.len() as u64).to_le_bytes());
         hash.update(shape);
+        if self.config.told {
+            hash.update("told");
+        }
         let Normalizer { inputs, outputs } = &self.normalizer;
         for column in [&inputs.mean, &inputs.variance, &outputs.mean, &outputs.variance] {
             hash.update((column.len() as u64).to_le_bytes());

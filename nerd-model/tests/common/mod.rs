@@ -29,7 +29,7 @@ pub fn placed(system: &Arc<System>, form: impl Into<Form>, positions: Positions)
 
 /// A model whose network sees one frame, [`View::Moving`], by the trapezoid; with the mean and variance of what it sees and says.
 pub fn pure(system: &Arc<System>, mean: f64, said: f64) -> Model {
-    let form = Form { base: Base::Trapezoid, view: View::Moving };
+    let form = Form { view: View::Moving, ..Base::Trapezoid.into() };
     let (inputs, outputs) = (Features::inputs(system, form), Features::outputs(system));
     let paper = TransformerConfig::paper(inputs, outputs, 24);
     let network = TransformerConfig { layers: 2, heads: 1, block: 1, history: 1, architecture: Architecture::Residual, ..paper };
@@ -39,7 +39,7 @@ pub fn pure(system: &Arc<System>, mean: f64, said: f64) -> Model {
 
 /// A model of random weights, three times as large as training begins with.
 pub fn unlearned(system: &System, form: impl Into<Form>, network: TransformerConfig, normalizer: Normalizer) -> Model {
-    let Form { base, view } = form.into();
+    let Form { base, view, told } = form.into();
     let config = ModelConfig {
         robot: system.name.clone(),
         robot_sha256: system.robot_sha256(),
@@ -47,6 +47,7 @@ pub fn unlearned(system: &System, form: impl Into<Form>, network: TransformerCon
         truth: Truth::default().name(),
         base,
         view,
+        told,
         network,
         data_sha256: "none".into(),
         transitions: 0,

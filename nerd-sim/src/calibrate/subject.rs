@@ -1,7 +1,7 @@
 //! A robot in its scene under a solver, with parameters set.
 
 use super::parameter::{CalibrateError, Parameter, What, round};
-use crate::{articulated::numbers, internal::*, scene::PlaneSpec};
+use crate::{articulated::numbers, internal::*, scene::PlaneSpec, system::motors::late};
 
 /// A solver and its settings.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -113,7 +113,9 @@ impl Subject {
 
     /// What acts at a frame of torques, of which the ones before still do for a while.
     pub fn late(&self, before: &[f64], now: &[f64]) -> Vec<f64> {
-        before.iter().zip(now).map(|(before, now)| now + self.delay * (before - now)).collect()
+        let mut out = vec![0.0; now.len()];
+        late(self.delay, &[now, before], &mut out);
+        out
     }
 
     /// The same pose as sensors show it, or with `side` 1 where the robot is when they show this.

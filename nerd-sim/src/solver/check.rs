@@ -12,8 +12,23 @@ pub fn check(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<
     sound(batch, torques, faults)
 }
 
+/// The same as [`check`] for a solver that takes robots of their own for one another, motors and all.
+pub fn check_kin(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
+    Capabilities { systems: true, ..Capabilities::default() }.admit(batch)?;
+    numbers(batch, torques, faults)
+}
+
 /// The same as [`check`], drives and robots of their own allowed and looked at.
 pub(crate) fn sound(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
+    if batch.systems.iter().chain([&batch.system]).any(|own| !own.motors.ideal()) {
+        let text = "a robot has motors of its own (vary: delay, strength, zero, ripple): put nerd_sim::rig::Rig around this solver";
+        return Err(StepError::Refused(text.into()));
+    }
+    numbers(batch, torques, faults)
+}
+
+/// The same, but for what the solver can do.
+fn numbers(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     batch.check().map_err(StepError::Solver)?;
     let system = &*batch.system;
     let (d, joints) = (system.robot.state_dim(), system.robot.joint_count());

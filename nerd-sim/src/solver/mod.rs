@@ -7,7 +7,7 @@ pub(crate) mod parallel;
 mod refusal;
 
 pub(crate) use check::gone;
-pub use check::{check, commit};
+pub use check::{check, check_kin, commit};
 #[cfg(feature = "cuda")]
 pub(crate) use check::{finish, sound};
 pub use refusal::{Capabilities, Fault, Slopes, StepError};

@@ -22,6 +22,9 @@ pub(super) const BUILT_IN: [(&str, &str, &str); 12] = built_in! {
     "anymal-paper", "anymal-paper";
 };
 
+/// The same of robots with a `[vary]`: each a family of robots.
+pub(super) const FAMILIES: [(&str, &str, &str); 1] = built_in! { "pendulum-family", "pendulum"; };
+
 /// Name and text of the cables that come with the crate.
 pub(super) const CABLES: [(&str, &str); 2] =
     [("lead", include_str!("../../assets/cables/lead.toml")), ("lead-pegs", include_str!("../../assets/cables/lead-pegs.toml"))];

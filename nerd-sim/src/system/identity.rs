@@ -6,6 +6,7 @@
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
+use super::motors::Motors;
 use crate::internal::*;
 
 /// Keys of a specification on which no data depends, or that [`System::robot_sha256`] has looked at by what they lead to.
@@ -80,6 +81,10 @@ impl System {
         if !self.folds.is_empty() {
             let capsules = self.folds.capsules.iter().map(|c| json!([c.middle.as_slice(), c.half.as_slice(), c.radius]));
             value["self_collision"] = json!([capsules.collect::<Vec<_>>(), self.folds.own, self.folds.pairs]);
+        }
+        if !self.motors.ideal() {
+            let Motors { delay, strength, zeros, ripple } = &self.motors;
+            value["motors"] = json!([delay, strength, zeros, ripple]);
         }
         value
     }

@@ -2,7 +2,7 @@
 
 use toml::Table;
 
-use super::built_in::{BUILT_IN, CABLES, FOREIGN};
+use super::built_in::{BUILT_IN, CABLES, FAMILIES, FOREIGN};
 #[cfg(feature = "meshes")]
 use super::derive::touch;
 use super::derive::{derived, floats, plain};
@@ -12,7 +12,7 @@ use crate::{files::read_text, internal::*};
 impl System {
     /// A built-in robot or cable by name, or by path the robot of a URDF file or the cable of a TOML ([`crate::cable`]).
     pub fn named(name: &str) -> Result<Arc<Self>, SystemError> {
-        if let Some((_, spec, urdf)) = BUILT_IN.iter().find(|b| b.0 == name) {
+        if let Some((_, spec, urdf)) = BUILT_IN.iter().chain(&FAMILIES).find(|b| b.0 == name) {
             return Self::from_text(name, urdf, Some(spec)).map(Arc::new);
         }
         if let Some((_, text)) = CABLES.iter().find(|c| c.0 == name) {

@@ -10,6 +10,7 @@ mod identity;
 mod load;
 mod merge;
 mod model;
+pub(crate) mod motors;
 mod spec;
 pub(crate) mod start;
 pub(crate) mod truth;

@@ -3,8 +3,8 @@
 use nerd_core::robot::MeshFile;
 use toml::Table;
 
-use super::built_in::{BUILT_IN, CABLES, FOREIGN};
-use super::{folds::Folds, spec::JointSpec};
+use super::built_in::{BUILT_IN, CABLES, FAMILIES, FOREIGN};
+use super::{folds::Folds, motors::Motors, spec::JointSpec};
 use crate::internal::*;
 use crate::scene::{WORLDS, described, world};
 
@@ -13,7 +13,7 @@ use crate::scene::{WORLDS, described, world};
 #[non_exhaustive]
 pub enum SystemError {
     /// No such built-in robot, and no such file.
-    #[error("no robot `{0}`: choose from {known}, or the path of a .urdf (with a .toml beside it for what URDF cannot say) or of a cable's .toml", known = [System::built_in(), System::cables()].concat().join(", "))]
+    #[error("no robot `{0}`: choose from {known}, or the path of a .urdf (with a .toml beside it for what URDF cannot say) or of a cable's .toml", known = [System::built_in(), System::families(), System::cables()].concat().join(", "))]
     Unknown(String),
     /// No such scene.
     #[error("system `{0}` has no scene `{1}`: choose from {2}")]
@@ -86,6 +86,10 @@ pub struct System {
     pub meshes: Vec<MeshFile>,
     /// Shapes of a fixed base, in its frame, which are part of every scene but `free`.
     pub base: Vec<Shape>,
+    /// What stands between its links and who drives it.
+    pub motors: Motors,
+    /// What was drawn of its numbers, by [`crate::vary::columns`]; empty of a robot as its files have it.
+    pub drawn: Vec<f64>,
     /// For each link, the link whose inertia moves in its place in the mass matrix; empty but for a simulator's slip imitated.
     pub(crate) stand_ins: Vec<usize>,
     /// What of it may touch itself.
@@ -96,6 +100,11 @@ impl System {
     /// Names of the robots that come with the crate; of cables, see [`System::cables`].
     pub fn built_in() -> Vec<&'static str> {
         BUILT_IN.iter().map(|b| b.0).collect()
+    }
+
+    /// Names of the families of robots that come with the crate, whose numbers are drawn ([`crate::vary`]).
+    pub fn families() -> Vec<&'static str> {
+        FAMILIES.iter().map(|f| f.0).collect()
     }
 
     /// Names of the cables that come with the crate. Beside [`System::built_in`], they can be named wherever a robot is.

@@ -1,5 +1,6 @@
 //! `[vary]` of a robot's TOML: what differs between environments. [`crate::vary`] draws it.
 
+use super::motors::LATEST;
 use crate::internal::*;
 
 /// `[vary]`: ranges from which a robot's numbers are drawn, once an environment or a trajectory. What is not there stays as it is.
@@ -25,6 +26,18 @@ pub struct VarySpec {
     pub joint_damping: Option<Range>,
     /// Drive inertia added at each joint (kg m^2 or kg).
     pub armature: Option<Range>,
+    /// Damping added at each joint (N m s/rad or N s/m).
+    pub damping: Option<Range>,
+    /// Dry friction added at each joint (N m or N).
+    pub dry_friction: Option<Range>,
+    /// Factor on the torque of each joint. This and what follows is of motors and sensors, and [`crate::rig`] steps it.
+    pub strength: Option<Range>,
+    /// Frames by which torques act late, from 0 to 2.
+    pub delay: Option<Range>,
+    /// Position of each joint where its sensor shows 0 (rad or m).
+    pub zero: Option<Range>,
+    /// Size of each joint's torque ripple (N m or N): what no analytic solver knows, and no model is told.
+    pub ripple: Option<Range>,
 }
 
 /// Farthest that a factor may lead.
@@ -32,7 +45,7 @@ const FACTOR: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
 
 impl VarySpec {
     /// The ranges by key, with what they may hold.
-    fn ranges(&self) -> [(&'static str, Option<Range>, std::ops::RangeInclusive<f64>, &'static str); 9] {
+    fn ranges(&self) -> [(&'static str, Option<Range>, std::ops::RangeInclusive<f64>, &'static str); 15] {
         [
             ("mass", self.mass, FACTOR, ""),
             ("inertia", self.inertia, FACTOR, ""),
@@ -43,7 +56,18 @@ impl VarySpec {
             ("gain", self.gain, 0.0..=1e3, ""),
             ("joint_damping", self.joint_damping, 0.0..=1e3, ""),
             ("armature", self.armature, 0.0..=1e6, ""),
+            ("damping", self.damping, 0.0..=1e6, ""),
+            ("dry_friction", self.dry_friction, 0.0..=1e6, ""),
+            ("strength", self.strength, 0.0..=1e3, ""),
+            ("delay", self.delay, 0.0..=LATEST, "frames"),
+            ("zero", self.zero, -1e3..=1e3, ""),
+            ("ripple", self.ripple, 0.0..=1e6, ""),
         ]
+    }
+
+    /// Whether motors or sensors differ.
+    pub(crate) fn rigged(&self) -> bool {
+        [self.strength, self.delay, self.zero, self.ripple].iter().any(Option::is_some)
     }
 
     pub(crate) fn check(&self, gravity: bool) -> Result<(), String> {
@@ -55,7 +79,7 @@ impl VarySpec {
     }
 
     pub(crate) fn fits(&self, robot: &Robot) -> Result<(), String> {
-        let joints = ["gain", "joint_damping", "armature"];
+        let joints = ["gain", "joint_damping", "armature", "damping", "dry_friction", "strength", "delay", "zero", "ripple"];
         let asked = |(key, range, ..): &(&'static str, Option<Range>, _, _)| range.is_some().then_some(*key);
         for key in self.ranges().iter().filter_map(asked) {
             if joints.contains(&key) && robot.joint_count() == 0 {

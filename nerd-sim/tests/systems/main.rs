@@ -8,6 +8,7 @@ mod like;
 #[cfg(feature = "meshes")]
 mod meshes;
 mod range;
+mod rig;
 mod robots;
 mod validate;
 #[cfg(feature = "rapier")]

@@ -1,4 +1,6 @@
-//! Rollouts beside recorded motion.
+//! Rollouts beside recorded motion, of a log or of robots of a family.
+
+use nerd_sim::dataset::{GenerateConfig, begin, record};
 
 use super::tally::{PassiveReport, Tally};
 use crate::prelude::*;
@@ -8,8 +10,10 @@ use crate::prelude::*;
 pub struct Pieces {
     /// The robot, as the solver is to have it.
     pub system: Arc<System>,
-    /// Where it was.
-    pub scene: Arc<Scene>,
+    /// The robot of each piece, where they differ.
+    pub systems: Vec<Arc<System>>,
+    /// Where each was.
+    pub scenes: Vec<Arc<Scene>>,
     /// Frames that a solver is shown before it goes on alone.
     pub before: usize,
     /// States `[frame][piece][q, qd]`, one more than frames.
@@ -19,9 +23,58 @@ pub struct Pieces {
 }
 
 impl Pieces {
+    /// Trajectories `0 .. count` of data of a truth, of robots of their own where something is drawn of them, of which a solver is shown so
+    /// many frames.
+    ///
+    /// # Errors
+    /// If that cannot be recorded, or is no longer than what is shown.
+    pub fn drawn(system: &Arc<System>, truth: Truth, config: &GenerateConfig, before: usize) -> Result<Self> {
+        if before >= config.frames {
+            refuse!("{} frames: more than the {before} that are seen are needed", config.frames);
+        }
+        let (count, f) = (config.trajectories(), config.frames);
+        let made = record(system, &mut *truth.solver(system), config, 0, count)?;
+        let begun = begin(system, config, 0, count)?;
+        let frames = |x: &[f64], rows: usize| -> Vec<Vec<f64>> {
+            let width = x.len() / (count * rows);
+            let row = |frame: usize| (0..count).flat_map(|k| x[(k * rows + frame) * width..][..width].to_vec()).collect();
+            (0..rows).map(row).collect()
+        };
+        let (states, torques) = (frames(&made.states, f + 1), frames(&made.torques, f));
+        Ok(Self { system: system.clone(), systems: begun.systems, scenes: begun.scenes, before, states, torques })
+    }
+
+    /// The same, of which a solver is shown the last frames alone: so many, at most all that it is shown.
+    pub fn seen(&self, before: usize) -> Self {
+        let skip = self.before.saturating_sub(before);
+        let (states, torques) = (self.states[skip..].to_vec(), self.torques[skip..].to_vec());
+        Self { before: self.before - skip, states, torques, ..self.clone() }
+    }
+
+    /// The same as a solver has them that knows the robot as its files have it, in scenes of its material.
+    pub fn described(&self) -> Self {
+        let own = |scene: &Arc<Scene>| {
+            let mut scene = (**scene).clone();
+            scene.gravity = self.system.gravity();
+            scene.colliders.iter_mut().for_each(|c| c.material = self.system.spec.material);
+            Arc::new(scene)
+        };
+        Self { systems: Vec::new(), scenes: self.scenes.iter().map(own).collect(), ..self.clone() }
+    }
+
+    /// The same as a solver has them that is told what was drawn, but for ripples.
+    pub fn told(&self) -> Self {
+        let told = |own: &Arc<System>| {
+            let mut own = (**own).clone();
+            own.motors.ripple.clear();
+            Arc::new(own)
+        };
+        Self { systems: self.systems.iter().map(told).collect(), ..self.clone() }
+    }
+
     /// How many.
     pub fn count(&self) -> usize {
-        self.states[0].len() / self.system.robot.state_dim()
+        self.scenes.len()
     }
 
     /// Frames that a solver goes alone.
@@ -35,7 +88,8 @@ impl Pieces {
     /// If it can step none, or one of those that it is shown.
     pub fn compare(&self, solver: &mut dyn Solver) -> Result<PassiveReport, StepError> {
         let (n, d) = (self.count(), self.system.robot.state_dim());
-        let mut batch = Batch::new(&self.system, &self.scene, n);
+        let mut batch = Batch::new(&self.system, &self.scenes[0], n);
+        (batch.systems, batch.scenes) = (self.systems.clone(), self.scenes.clone());
         for env in 0..n {
             batch.reset(env, &self.states[0][env * d..(env + 1) * d]);
             solver.reset(env);

@@ -22,6 +22,8 @@ pub(super) struct Identity {
     pub truth: String,
     pub base: Base,
     pub view: View,
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub told: bool,
     #[serde(skip_serializing_if = "Variant::usual")]
     pub variant: Variant,
     pub network: TransformerConfig,
@@ -69,6 +71,7 @@ impl Identity {
             truth: plan.truth(),
             base: plan.form.base,
             view: plan.form.view,
+            told: plan.form.told,
             variant: *variant,
             network: plan.network,
             unrolled: plan.config.unrolled(),
@@ -124,6 +127,7 @@ pub(super) fn model_config(run: &Identity, provenance: &BTreeMap<String, String>
         truth: run.truth.clone(),
         base: run.base,
         view: run.view,
+        told: run.told,
         network: run.network,
         data_sha256: run.data_sha256.clone(),
         transitions: run.transitions + run.fresh,

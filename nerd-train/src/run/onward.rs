@@ -17,7 +17,7 @@ impl RunConfig {
     pub fn onward(model: &ModelConfig, updates: u64) -> Result<Self> {
         let network = &model.network;
         let mut run = Self { robot: model.robot.clone(), updates, batch: model.batch, ..Self::default() };
-        (run.base, run.view) = (model.base, model.view);
+        (run.base, run.view, run.told) = (model.base, model.view, model.told);
         if network.architecture == Architecture::Chain {
             refuse!("the model is of a chain; say with --recipe how it is trained on");
         }

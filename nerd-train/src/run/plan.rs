@@ -2,7 +2,7 @@
 //! anything is recorded or written.
 
 use nerd_model::chain::{self, Chain};
-use nerd_sim::log::specified;
+use nerd_sim::{log::specified, vary};
 
 use super::*;
 use crate::progress;
@@ -40,8 +40,11 @@ impl Plan {
             Some(measured) => config.of(measured),
             None => config.clone(),
         };
-        let form = Form { base: config.base, view: config.view };
+        let form = Form { base: config.base, view: config.view, told: config.told };
         let network = config.network(&system, form)?;
+        if config.told && vary::columns(&system).is_empty() {
+            refuse!("--told: nothing of `{}` is drawn; give its TOML a [vary]", system.name);
+        }
         let (learner, trainer) = (config.learner(), config.trainer());
         learner.check().and(trainer.check()).map_err(Error::Refused)?;
         // More than the run reads would be wasted.
@@ -130,6 +133,9 @@ impl RunConfig {
             (chain && self.stream, "--stream means nothing with --variant chain"),
             (chain && self.base != Base::State, "--base means nothing with --variant chain"),
             (chain && self.view != View::Own, "--view means nothing with --variant chain"),
+            (chain && self.told, "--told means nothing with --variant chain"),
+            (self.told && rolled, "--told means nothing where --sequence rolls out"),
+            (self.told && log, "--told means nothing with recorded motion of --data: nothing was drawn"),
             (chain && self.fresh > 0, "--fresh means nothing with --variant chain"),
             (chain && self.epsilon.is_some(), "--epsilon means nothing with --variant chain"),
             (chain && self.huber.is_some(), "--huber means nothing with --variant chain"),
@@ -230,7 +236,7 @@ fn parent(folder: &Path, system: &System, network: TransformerConfig, form: Form
     }
     let theirs = (parent.config.form(), parent.config.network);
     if theirs.1 != network || theirs.0 != form {
-        let settings = |(form, network): (Form, TransformerConfig)| json!({ "base": form.base, "view": form.view, "network": network });
+        let settings = |(form, network): (Form, TransformerConfig)| json!({ "base": form.base, "view": form.view, "told": form.told, "network": network });
         let apart = between(&settings(theirs).to_string(), &settings((form, network)).to_string());
         refuse!("--from {}: its network is not as this run's: {apart}; give this run its settings", folder.display());
     }

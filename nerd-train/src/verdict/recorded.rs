@@ -47,7 +47,7 @@ pub fn recorded(measured: &Measured, pieces: &Pieces, model: &Model, analytic: &
             }
         }
         let protocol = PassiveConfig { starts: pieces.count(), steps: pieces.frames(), seed: 0, action: Action::Recorded(pieces.before) };
-        let (robot, scene, truth) = (system.name.clone(), pieces.scene.name.clone(), measured.truth.clone());
+        let (robot, scene, truth) = (system.name.clone(), pieces.scenes[0].name.clone(), measured.truth.clone());
         let quantities = summary_names(system);
         Ok::<_, Error>(Verdict { robot, scene, truth, protocol, quantities, model: own, base, hold, linear, articulated })
     })?;
@@ -62,5 +62,12 @@ fn seen(pieces: &Pieces, subject: &Subject) -> Pieces {
     states.iter_mut().flat_map(|frame| frame.chunks_exact_mut(d)).for_each(|state| subject.shift(&mut state[..nq], 1.0));
     let late = |frame: usize| subject.late(&pieces.torques[frame.saturating_sub(1)], &pieces.torques[frame]);
     let torques = (pieces.before..pieces.torques.len()).map(late).collect();
-    Pieces { system: subject.system.clone(), scene: subject.scene.clone(), before: 0, states, torques }
+    Pieces {
+        system: subject.system.clone(),
+        systems: Vec::new(),
+        scenes: vec![subject.scene.clone(); pieces.count()],
+        before: 0,
+        states,
+        torques,
+    }
 }

@@ -2,6 +2,7 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+mod family;
 mod same_as_trained;
 mod supply;
 mod tokens;

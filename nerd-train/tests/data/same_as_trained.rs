@@ -2,6 +2,9 @@
 //! tokens that training makes of the same recording. Weights are random. Bound: the network's f32, in units of its targets' deviations.
 
 use nerd_core::state::wrap_state;
+use nerd_sim::dataset::begin;
+use nerd_sim::rig::Rig;
+use nerd_sim::vary::Told;
 
 use crate::*;
 
@@ -9,11 +12,11 @@ const FRAMES: usize = 40;
 
 fn recorded(system: &Arc<System>) -> Recording {
     let config = GenerateConfig { frames: FRAMES, resets: 1.0, seed: 3, ..Default::default() };
-    let mut truth = Articulated::new(ArticulatedConfig::paper(system, Friction::Coulomb));
-    record(system, &mut truth, &config, 0, 6).expect("recorded")
+    let solver = Articulated::new(ArticulatedConfig::paper(system, Friction::Coulomb));
+    record(system, &mut Rig::new(solver), &config, 0, 6).expect("recorded")
 }
 
-fn model(system: &Arc<System>, base: Base, positions: Positions, windows: &Windows) -> Model {
+fn model(system: &Arc<System>, base: Form, positions: Positions, windows: &Windows) -> Model {
     let paper = TransformerConfig::paper(windows.inputs, windows.outputs, 24);
     let network = TransformerConfig { layers: 3, heads: 4, history: 6, block: FRAMES, positions, ..paper };
     unlearned(system, base, network, moments(windows))
@@ -37,8 +40,8 @@ fn trained(model: &Model, x: &[f32]) -> Vec<f32> {
 }
 
 /// Largest difference over all frames, in deviations of the targets.
-fn apart(robot: &str, scene: &str, base: Base, positions: Positions) -> f64 {
-    let system = System::named(robot).expect("built in");
+fn apart(robot: &str, scene: &str, base: impl Into<Form>, positions: Positions) -> f64 {
+    let (system, base) = (System::named(robot).expect("built in"), base.into());
     let recording = recorded(&system);
     let mut windows = tokens(&system, &recording, 1, base);
     windows.history = 6;
@@ -48,6 +51,10 @@ fn apart(robot: &str, scene: &str, base: Base, positions: Positions) -> f64 {
     let mut solver = Neural::on_cpu(model.clone());
     let mut features = Features::new(&system, base);
     let mut batch = Batch::new(&system, &system.scene(scene).expect("scene"), n);
+    let begun = begin(&system, &GenerateConfig { resets: 1.0, seed: 3, ..Default::default() }, 0, n).expect("begun");
+    if system.spec.vary.is_some() {
+        (batch.systems, batch.scenes) = (begun.systems, begun.scenes);
+    }
     let scale: Vec<f64> = model.normalizer.outputs.scale().collect();
     let expected: Vec<Vec<f32>> = windows.x.chunks_exact(FRAMES * windows.inputs).map(|x| trained(&model, x)).collect();
     let mut worst = 0.0f64;
@@ -79,5 +86,26 @@ fn a_rollout_predicts_what_the_training_pass_predicts() {
             println!("{robot} on {base:?}, {positions:?}: {worst:.1e} deviations");
             assert!(worst < 5e-4, "{robot} on {base:?}, {positions:?}: a rollout is {worst:.1e} deviations from the training pass");
         }
+        // Robots of their own, each told what was drawn of it, and guessed.
+        for told in [true, false] {
+            let worst = apart("pendulum-family", "free", Form { told, ..Base::Trapezoid.into() }, positions);
+            assert!(worst < 5e-4, "a family, told {told}, {positions:?}: a rollout is {worst:.1e} deviations from the training pass");
+        }
+    }
+}
+
+/// Tokens of a told robot end with what was drawn of it; before that they are those of one that is not told.
+#[test]
+fn tokens_end_with_what_was_drawn() {
+    let system = System::named("pendulum-family").expect("built in");
+    let (recording, told) = (recorded(&system), Told::new(&system));
+    let [plain, all] = [false, true].map(|told| tokens(&system, &recording, 1, Form { told, view: View::Moving, ..Form::default() }));
+    assert_eq!(all.inputs, plain.inputs + told.count());
+    let drawn = recording.drawn.chunks_exact(recording.drawn.len() / recording.trajectories);
+    for (row, (long, short)) in all.x.chunks_exact(all.inputs).zip(plain.x.chunks_exact(plain.inputs)).enumerate() {
+        let own = drawn.clone().nth(row / FRAMES).expect("drawn");
+        assert_eq!(&long[..plain.inputs], short);
+        let expected: Vec<f32> = told.numbers(own).map(|x| x as f32).collect();
+        assert!(long[plain.inputs..] == expected[..] && expected.iter().all(|x| x.abs() <= 1.0));
     }
 }

@@ -37,7 +37,7 @@ fn a_robot_100_km_away_is_seen_as_the_one_at_the_origin() {
         let path = folder.path().join(robot);
         write_shard(&path, &moved(&system, &here, by), &Default::default()).unwrap();
         let there = read_shard(&path).unwrap().0;
-        for form in [Form::default(), Base::Trapezoid.into(), Form { base: Base::State, view: View::Moving }] {
+        for form in [Form::default(), Base::Trapezoid.into(), Form { view: View::Moving, ..Base::State.into() }] {
             let (a, b) = (tokens(&system, &here, 1, form), tokens(&system, &there, 1, form));
             // f64 rounds 1e5 m to 1.5e-11 m and the spin's part of v, 1e5 w, likewise: all below the rounding of the tokens.
             let gap = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| (a - b).abs() / (1.0 + a.abs())).fold(0.0, f32::max);

@@ -143,7 +143,8 @@ fn frames_before_a_start_are_shown_as_they_were() {
     let system = System::named("pendulum").expect("built in");
     let states: Vec<Vec<f64>> = (0..6).map(|k| vec![0.1 * f64::from(k), 0.0, 0.0, 0.0]).collect();
     let scene = system.scene("free").expect("a scene");
-    let pieces = Pieces { system, scene, before: 3, torques: vec![vec![0.0; 2]; 5], states: states.clone() };
+    let pieces =
+        Pieces { system, systems: Vec::new(), scenes: vec![scene], before: 3, torques: vec![vec![0.0; 2]; 5], states: states.clone() };
     let mut spy = Spy::default();
     let report = pieces.compare(&mut spy).expect("a report");
     let seen: Vec<f64> = spy.0.iter().map(|(states, _)| states[0]).collect();

@@ -37,7 +37,8 @@ fn every_shipped_recipe_can_be_read_and_each_run_starts_from_the_one_before() {
             assert!(run.finish && run.transitions == 1000 && frames >= 6000, "{name}, run {}: {run:?}", k + 1);
             if !run.robot.is_empty() {
                 let system = System::named(&run.robot).expect("built in");
-                run.network(&system, Form { base: run.base, view: run.view }).unwrap_or_else(|e| panic!("{name}, run {}: {e}", k + 1));
+                run.network(&system, Form { base: run.base, view: run.view, told: run.told })
+                    .unwrap_or_else(|e| panic!("{name}, run {}: {e}", k + 1));
             }
         }
     }

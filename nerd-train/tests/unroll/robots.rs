@@ -22,7 +22,7 @@ const ROBOTS: [(&str, Base, View); 11] = [
 ];
 
 fn forms() -> impl Iterator<Item = (&'static str, Form)> {
-    ROBOTS.into_iter().map(|(robot, base, view)| (robot, Form { base, view }))
+    ROBOTS.into_iter().map(|(robot, base, view)| (robot, Form { base, view, told: false }))
 }
 
 fn case(robot: &str, form: Form) -> (Arc<System>, Arc<Motions>, Normalizer) {

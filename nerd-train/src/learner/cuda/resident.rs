@@ -42,6 +42,9 @@ enum Engine {
 /// What of the model has no kernel: networks that see windows.
 pub fn resident(model: Model, system: &Arc<System>, real: Real, precision: Precision) -> Result<OnDevice<Frames>, String> {
     let network = model.config.network;
+    if model.config.told {
+        return Err("what is told of each robot has no kernel: the network alone is on the card".into());
+    }
     let refused = |e: LearnError| e.to_string();
     let (chain, config) = if network.architecture == Architecture::Chain {
         // What the CPU's solver refuses.

@@ -1,0 +1,151 @@
+//! A solver behind a robot's motors and sensors ([`Motors`]): torques act late, are weaker or ripple, and states are what sensors show.
+//!
+//! ```
+//! use nerd_sim::prelude::*;
+//! use nerd_sim::{rig::Rig, vary};
+//! let mut system = (*System::named("pendulum")?).clone();
+//! system.spec.vary = Some(vary::VarySpec { delay: Some(Range { low: 0.0, high: 2.0 }), ..Default::default() });
+//! let system = Arc::new(system);
+//! let batch = vary::batch(&system, "free", 8, 0)?;
+//! let solver = Rig::new(Articulated::new(ArticulatedConfig::accurate(&system)));
+//! let mut simulation = Simulation::new(batch, solver);
+//! simulation.step(&[100.0; 16])?;
+//! assert!(simulation.batch.state(0) != simulation.batch.state(1));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+use nerd_core::state::wrap_state;
+
+use crate::internal::*;
+use crate::system::motors::LATEST;
+pub use crate::system::motors::Motors;
+
+/// Frames of torques that are remembered, that of now with them.
+const FRAMES: usize = LATEST as usize + 1;
+
+/// Steps robots with their motors and sensors, by a solver that knows none. Of a robot whose torques act late the next frame depends on
+/// those of the last ones; before a start, and where frames are missing, there were none.
+pub struct Rig<S = Box<dyn Solver>> {
+    solver: S,
+    /// The batch's robot and those of environments, and in their places the same without motors.
+    bare: Vec<[Arc<System>; 2]>,
+    /// Torques asked for, the newest first, `[env][FRAMES][joint]`; and the frame that those are of.
+    asked: Vec<f64>,
+    newest: Vec<u64>,
+    torques: Vec<f64>,
+}
+
+impl<S: Solver> Rig<S> {
+    /// Around a solver.
+    pub fn new(solver: S) -> Self {
+        Self { solver, bare: Vec::new(), asked: Vec::new(), newest: Vec::new(), torques: Vec::new() }
+    }
+
+    /// A robot without its motors; the `k`-th of a batch.
+    fn stripped(&mut self, k: usize, system: &Arc<System>) -> Arc<System> {
+        if let Some([_, bare]) = self.bare.get(k).filter(|[own, _]| Arc::ptr_eq(own, system)) {
+            return bare.clone();
+        }
+        let bare =
+            if system.motors.ideal() { system.clone() } else { Arc::new(System { motors: Motors::default(), ..(**system).clone() }) };
+        self.bare.resize_with(self.bare.len().max(k + 1), || [system.clone(), bare.clone()]);
+        self.bare[k] = [system.clone(), bare.clone()];
+        bare
+    }
+
+    /// What acts in this frame; what was asked for is remembered.
+    fn drive(&mut self, batch: &Batch, torques: &[f64]) {
+        let (n, joints) = (batch.len(), batch.system.robot.joint_count());
+        if self.newest.len() != n || self.asked.len() != n * FRAMES * joints {
+            (self.asked, self.newest) = (vec![0.0; n * FRAMES * joints], vec![u64::MAX - 1; n]);
+        }
+        self.torques.resize(n * joints, 0.0);
+        for env in 0..n {
+            let asked = &mut self.asked[env * FRAMES * joints..][..FRAMES * joints];
+            if batch.frames[env] == 0 || self.newest[env] + 1 != batch.frames[env] {
+                asked.fill(0.0);
+            }
+            self.newest[env] = batch.frames[env];
+            asked.copy_within(..(FRAMES - 1) * joints, joints);
+            asked[..joints].copy_from_slice(&torques[env * joints..][..joints]);
+            let rows: [&[f64]; FRAMES] = std::array::from_fn(|k| &asked[k * joints..(k + 1) * joints]);
+            let positions = &batch.state(env)[batch.system.robot.root_coords()..];
+            batch.of(env).motors.act(&rows, positions, &mut self.torques[env * joints..][..joints]);
+        }
+    }
+}
+
+/// From what sensors show to where joints are, with `side` 1, or back with -1.
+fn shift(batch: &mut Batch, side: f64) {
+    for env in 0..batch.len() {
+        let own = batch.of(env).clone();
+        if !own.motors.zeros.is_empty() {
+            let (state, first) = (batch.state_mut(env), own.robot.root_coords());
+            state[first..].iter_mut().zip(&own.motors.zeros).for_each(|(q, zero)| *q += side * zero);
+            wrap_state(&own.robot, state);
+        }
+    }
+}
+
+impl<S: Solver> Solver for Rig<S> {
+    fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
+        batch.check().map_err(StepError::Solver)?;
+        let (joints, d) = (batch.system.robot.joint_count(), batch.system.robot.state_dim());
+        if torques.len() != batch.len() * joints {
+            return Err(StepError::torques(torques.len(), batch.len(), joints));
+        }
+        let shown = batch.states.clone();
+        shift(batch, 1.0);
+        self.drive(batch, torques);
+        let systems = std::mem::take(&mut batch.systems);
+        let bare = self.stripped(0, &batch.system);
+        let system = std::mem::replace(&mut batch.system, bare);
+        batch.systems = systems.iter().enumerate().map(|(env, own)| self.stripped(env + 1, own)).collect();
+        let done = self.solver.step(batch, &self.torques);
+        (batch.system, batch.systems) = (system, systems);
+        shift(batch, -1.0);
+        // What was not stepped is shown as it was, to the bit.
+        match &done {
+            Ok(()) => {}
+            Err(StepError::Environments(faults)) => {
+                faults.iter().map(|f| f.env * d..(f.env + 1) * d).for_each(|row| batch.states[row.clone()].copy_from_slice(&shown[row]));
+            }
+            Err(_) => batch.states = shown,
+        }
+        done
+    }
+
+    fn inner(&self) -> Option<&dyn Solver> {
+        Some(&self.solver)
+    }
+
+    fn inner_mut(&mut self) -> Option<&mut dyn Solver> {
+        Some(&mut self.solver)
+    }
+
+    fn reset(&mut self, env: usize) {
+        if let Some(newest) = self.newest.get_mut(env) {
+            *newest = u64::MAX - 1;
+        }
+        self.solver.reset(env);
+    }
+
+    /// The frame of the newest torques, all that are kept, and what the solver remembers.
+    fn remembered(&self, env: usize) -> Result<Vec<f64>, StepError> {
+        let Some(newest) = self.newest.get(env) else { return Ok(Vec::new()) };
+        let width = self.asked.len() / self.newest.len();
+        let own = [*newest as f64].into_iter().chain(self.asked[env * width..(env + 1) * width].iter().copied());
+        Ok(own.chain(self.solver.remembered(env)?).collect())
+    }
+
+    fn recall(&mut self, env: usize, memory: &[f64]) -> Result<(), StepError> {
+        let width = self.asked.len().checked_div(self.newest.len()).unwrap_or_default();
+        let (Some((newest, rest)), true) = (memory.split_first(), env < self.newest.len() && memory.len() > width) else {
+            self.reset(env);
+            return if memory.is_empty() { Ok(()) } else { Err(StepError::Solver("these numbers are no memory of this robot".into())) };
+        };
+        self.newest[env] = *newest as u64;
+        self.asked[env * width..(env + 1) * width].copy_from_slice(&rest[..width]);
+        self.solver.recall(env, &rest[width..])
+    }
+}

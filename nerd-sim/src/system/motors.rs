@@ -1,0 +1,45 @@
+//! What stands between a robot's links and who drives it: motors and sensors. [`crate::rig`] steps it.
+
+/// Frames by which torques may act late.
+pub(crate) const LATEST: f64 = 2.0;
+/// Waves of the ripple in a turn, or over a metre.
+pub(crate) const WAVES: f64 = 6.0;
+
+/// Motors and sensors of a robot's joints. What is empty is as it should be.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Motors {
+    /// Frames by which torques act late, from 0 to 2.
+    pub delay: f64,
+    /// Factor on the torque of each joint.
+    pub strength: Vec<f64>,
+    /// Positions of the joints where their sensors show 0 (rad or m).
+    pub zeros: Vec<f64>,
+    /// Torque (N m or N) of each joint that a frame adds, times the sine of six times the position where it begins: an effect that no
+    /// analytic solver of ours has.
+    pub ripple: Vec<f64>,
+}
+
+impl Motors {
+    /// Whether torques act as they are asked for and sensors show where joints are.
+    pub fn ideal(&self) -> bool {
+        let all = |x: &[f64], value: f64| x.iter().all(|x| *x == value);
+        self.delay == 0.0 && all(&self.strength, 1.0) && all(&self.zeros, 0.0) && all(&self.ripple, 0.0)
+    }
+
+    /// Torques of a frame: of those asked for now, a frame ago and so on, by joint positions as they are.
+    pub(crate) fn act(&self, asked: &[&[f64]], positions: &[f64], out: &mut [f64]) {
+        late(self.delay, asked, out);
+        out.iter_mut().zip(&self.strength).for_each(|(tau, factor)| *tau *= factor);
+        let ripple = self.ripple.iter().zip(positions).map(|(size, q)| size * (WAVES * q).sin());
+        out.iter_mut().zip(ripple).for_each(|(tau, more)| *tau += more);
+    }
+}
+
+/// The mean over a frame of torques that come `delay` frames late: of those asked for now, a frame ago and so on, the last of which stands
+/// for all before.
+pub(crate) fn late(delay: f64, asked: &[&[f64]], out: &mut [f64]) {
+    let (whole, last) = (delay as usize, asked.len() - 1);
+    let [now, before] = [whole, whole + 1].map(|k| asked[k.min(last)]);
+    let share = delay - whole as f64;
+    out.iter_mut().zip(now.iter().zip(before)).for_each(|(tau, (now, before))| *tau = now + share * (before - now));
+}
