@@ -4,6 +4,7 @@
 pub mod benchmark;
 pub mod calibrated;
 pub mod chart;
+pub mod family;
 pub mod games;
 pub mod judges;
 pub mod learned;

@@ -108,7 +108,9 @@ impl Subject {
             }
         }
         let system = Arc::new(system);
-        Ok(Self { scene: system.scene(&self.scene.name)?, system, engine, lag, delay, zeros })
+        // A scene that was drawn is no scene of the robot's, and stays as it is.
+        let scene = if self.scene.name == "random" { self.scene.clone() } else { system.scene(&self.scene.name)? };
+        Ok(Self { scene, system, engine, lag, delay, zeros })
     }
 
     /// What acts at a frame of torques, of which the ones before still do for a while.

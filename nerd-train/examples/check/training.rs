@@ -16,7 +16,7 @@ const ENTRY: f64 = 2e-3;
 
 pub fn gradients(checks: &mut Checks) -> Outcome {
     for (config, huber) in shapes().into_iter().flat_map(|config| [(config, None), (config, Some(0.1))]) {
-        let (data, centre) = (Arc::new(windows(2, config, 20, 80)), weights(config));
+        let (data, centre) = (Arc::new(windows(2, config, 20, 80.max(config.sequence() + 16))), weights(config));
         let (settings, state) = (LearnerConfig { huber, ..settings(64) }, LearnerState::new(centre.clone()));
         let mut cuda = CudaLearner::new(&Ranks::default(), settings, Precision::F32, state.clone(), [&data, &data])?;
         let mut cpu = CpuLearner::new(settings, state, [data.clone(), data.clone()])?;

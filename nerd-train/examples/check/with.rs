@@ -117,8 +117,10 @@ pub fn shapes() -> Vec<TransformerConfig> {
     let rotary = |c: TransformerConfig, block| TransformerConfig { positions: Positions::Rotary, block, ..c };
     let small = TransformerConfig { layers: 2, heads: 4, history: 7, ..paper(10, 33, 48) };
     let wide = paper(37, 4, 192);
+    // As many tokens as a block has threads, for which it asks for shared memory.
+    let long = rotary(TransformerConfig { history: 32, ..wide }, 128);
     let narrow = rotary(TransformerConfig { heads: 3, ..small }, 20);
-    let all = [wide, paper(6, 14, 384), small, rotary(wide, 32), rotary(wide, 55), rotary(paper(37, 4, 384), 64), narrow];
+    let all = [wide, paper(6, 14, 384), small, rotary(wide, 32), rotary(wide, 55), rotary(paper(37, 4, 384), 64), narrow, long];
     let transformers = all.map(|c| TransformerConfig { layers: c.layers.min(3), ..c });
     transformers.into_iter().chain(others()).collect()
 }

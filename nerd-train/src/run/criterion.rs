@@ -3,14 +3,15 @@
 use super::card::model_config;
 use super::data::Judge;
 use super::*;
-use crate::evaluate::{PassiveReport, passive};
+use crate::evaluate::{PassiveReport, Pieces, passive};
 use crate::unroll::chain::distance;
 
 /// Counted where a rollout is gone (rad or m): such weights rank behind all others.
 const ASTRAY: f64 = 1e3;
 
 /// Mean error over the paper's horizon, in free space and, where there is one, on the first ground; of recorded motion on the part that
-/// chooses. Of a chain that of its nodes (m) along motions like those it learns from. Infinite if a rollout failed.
+/// chooses. Of a chain that of its nodes (m) along motions like those it learns from, of a
+/// family that of robots of it. Infinite if a rollout failed.
 pub(super) fn rollout_error(plan: &Plan, identity: &Identity, judge: &Judge, weights: Weights) -> Result<f64> {
     let Plan { config, system, .. } = plan;
     let Judge { normalizer, motions } = judge;
@@ -25,6 +26,10 @@ pub(super) fn rollout_error(plan: &Plan, identity: &Identity, judge: &Judge, wei
         let pieces = measured.rollouts(&measured.choosing, &plan.network, config.rollouts)?;
         return Ok(figure(&pieces.compare(&mut learned(pieces.count())?)?));
     }
+    if system.spec.vary.is_some() {
+        let pieces = family(plan)?;
+        return Ok(figure(&pieces.compare(&mut learned(pieces.count())?)?));
+    }
     let (starts, steps, seed) = (config.rollouts, horizon(&system.name), 1_000 + config.record.seed);
     let protocol = PassiveConfig { starts, steps, seed, action: Action::Zero };
     let scenes: Vec<&str> = system.usual_scenes().into_iter().take(2).collect();
@@ -34,6 +39,16 @@ pub(super) fn rollout_error(plan: &Plan, identity: &Identity, judge: &Judge, wei
         total += figure(&passive(system, &system.scene(scene)?, &mut *truth, &mut learned(starts)?, protocol, &mut |_| ())?);
     }
     Ok(total / scenes.len() as f64)
+}
+
+/// Driven rollouts of robots of a family that nothing learns from, each after half of the frames that a prediction depends on.
+fn family(plan: &Plan) -> Result<Pieces> {
+    let Plan { config, system, .. } = plan;
+    let before = plan.network.reach() / 2;
+    let frames = before + horizon(&system.name);
+    let (transitions, seed) = (config.rollouts * frames, 1_000 + config.record.seed);
+    let recorded = GenerateConfig { transitions, frames, seed, hold: config.record.hold, resets: 1.0, ..GenerateConfig::default() };
+    Pieces::drawn(system, config.record.truth(system), &recorded, before)
 }
 
 fn figure(report: &PassiveReport) -> f64 {

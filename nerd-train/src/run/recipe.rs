@@ -25,7 +25,7 @@ macro_rules! shipped {
 
 /// Shipped recipes by name.
 const SHIPPED: &[(&str, &str)] = shipped!("paper" "small" "quick" "urdf" "cartpole" "pendulum" "cube" "franka" "ant"
-    "anymal" "chain" "chain-large" "cartpole-paper" "pendulum-paper" "ant-paper");
+    "anymal" "pendulum-family" "chain" "chain-large" "cartpole-paper" "pendulum-paper" "ant-paper");
 
 /// Keys of how data is recorded.
 const RECORDS: [&str; 7] = ["transitions", "fresh", "torque-scale", "hold", "resets", "policy", "policy-share"];

@@ -2,8 +2,12 @@
 
 use super::*;
 
-/// Largest dynamic shared memory every device gives without asking, bytes.
+/// Shared memory (bytes) that every device gives without asking, of which two blocks are to fit; and what devices since capability 8 give
+/// one that asks.
 const SHARED: usize = 48 << 10;
+const ASKED: usize = 99 << 10;
+/// Most tokens of a sequence: a block has a thread for each.
+const TOKENS: usize = 128;
 
 /// Shape of all attentions of a program.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,17 +26,17 @@ pub(super) struct Attention {
 impl Attention {
     pub fn new(width: usize, heads: usize, band: Option<usize>, tokens: usize) -> Result<Self, LearnError> {
         let mut shape = Self { width, heads, seen: band.unwrap_or(tokens), rotary: band.is_some(), tokens, group: 1 };
-        if !width.is_multiple_of(4 * heads) || tokens > 64 || shape.seen > 32 {
+        if !width.is_multiple_of(4 * heads) || tokens > TOKENS || shape.seen > 32 {
             return Err(LearnError::Mismatch(format!(
-                "attention on the device has windows of 32 tokens at most, sequences of 64, and heads of 4, 8, 12 .. columns: {shape:?}"
+                "attention on the device has windows of 32 tokens at most, sequences of {TOKENS}, and heads of 4, 8, 12 .. columns: {shape:?}"
             )));
         }
         let fits = |group: &usize| {
             let shape = Self { group: *group, ..shape };
-            heads.is_multiple_of(*group) && group * tokens <= 128 && shape.shared().1 <= SHARED / 2
+            heads.is_multiple_of(*group) && group * tokens <= TOKENS && shape.shared().1 <= SHARED / 2
         };
         shape.group = (1..=heads).rev().find(fits).unwrap_or(1);
-        match shape.shared().1 <= SHARED {
+        match shape.shared().1 <= ASKED {
             true => Ok(shape),
             false => Err(LearnError::Mismatch(format!("attention is too large for a block of the device: {shape:?}"))),
         }

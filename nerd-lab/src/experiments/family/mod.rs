@@ -1,0 +1,219 @@
+//! Robots of a family that nobody has seen: how far solvers drift from each in its truth, by the frames that they were shown before.
+//!
+//! All start from the same states and are driven by the same torques, whatever is shown; so a line that falls is knowledge of the robot. Beside
+//! models stand `articulated` on the robot as its files have it, and told all that was drawn but ripples: the best that equations do.
+
+mod calibrated;
+
+use nerd_sim::dataset::GenerateConfig;
+use nerd_sim::instruments::{Hold, Timed};
+use nerd_train::evaluate::{Pieces, summary, summary_names};
+
+use crate::prelude::*;
+
+settings! {
+    /// Robots of a family beside models that are told what was drawn of them, or guess it from frames seen.
+    pub struct Family {
+        /// Name of the result
+        name: String = "family".into(), Text;
+        /// The family: a robot with [vary]
+        robot: String = "pendulum-family".into(), Text;
+        /// Folders of models of it, or of the robot that it is like, comma-separated
+        models: Vec<PathBuf> = Vec::new(), Texts;
+        /// Robots drawn, a rollout each
+        robots: usize = 256, Whole(STARTS);
+        /// Frames that are shown before a rollout, comma-separated
+        seen: Vec<usize> = vec![1, 5, 10, 30, 60, 120], Wholes(0..=10_000);
+        /// Frames of a rollout
+        frames: usize = 100, Whole(FRAMES);
+        /// Factor on the random torques of the training data
+        drive: f64 = 1.0, Number(0.0..=1e3);
+        /// Most frames for which a torque is held
+        hold: usize = 8, Whole(FRAMES);
+        /// Evaluations in which `articulated` is calibrated on what is shown of each robot; 0: it is not
+        evaluations: usize = 300, Whole(0..=1_000_000);
+        /// Where models are computed
+        device: Device = Device::Cpu, Words(&["cpu", "cuda", "cuda-f32"]);
+        /// Seed of robots, starts and torques; training draws others
+        seed: u64 = 500, Whole(SEEDS);
+    }
+}
+
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Row {
+    pub of: String,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub model: Option<String>,
+    /// By the frames shown; none where nothing can be said.
+    pub reports: Vec<Option<PassiveReport>>,
+    /// Of a frame of one robot, all solvers on as many threads as there are.
+    pub microseconds: f64,
+    /// What it takes to know a robot by the most frames (s); nothing, but for a calibration.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seconds: Option<f64>,
+}
+
+impl Row {
+    /// By the k-th number of frames: mean over the quantities, with the largest of their standard errors.
+    fn error(&self, k: usize) -> Option<[f64; 2]> {
+        let report = self.reports[k].as_ref()?;
+        Some([mean(&report.error), report.standard_error.iter().copied().fold(0.0, f64::max)])
+    }
+}
+
+impl Family {
+    fn system(&self) -> Result<Arc<System>> {
+        let system = System::named(&self.robot)?;
+        if system.spec.vary.is_none() {
+            bail!("--set robot={}: nothing of it is drawn; give its TOML a [vary]", self.robot);
+        }
+        Ok(system)
+    }
+
+    /// The robots' motions, longest seen first.
+    pub fn pieces(&self) -> Result<Pieces> {
+        let (system, before) = (self.system()?, self.seen.iter().copied().max().unwrap_or(0));
+        let (frames, torque_scale) = (before + self.frames, Range { low: self.drive, high: self.drive });
+        bounds::time(&[("robots", self.robots), ("frames", frames), ("substeps", system.spec.substeps)])?;
+        let config = GenerateConfig {
+            transitions: self.robots * frames,
+            frames,
+            torque_scale,
+            seed: self.seed,
+            hold: self.hold,
+            resets: 1.0,
+            ..Default::default()
+        };
+        Ok(Pieces::drawn(&system, system.spec.truth, &config, before)?)
+    }
+
+    pub fn rows(&self) -> Result<Vec<Row>> {
+        let (pieces, system) = (self.pieces()?, self.system()?);
+        let bar = bar("solvers of a family", (4 + self.models.len()) as u64);
+        let row = |of: String, model: Option<&Path>, pieces: &Pieces, solver: Box<dyn Solver>| -> Result<Row> {
+            bar.say(&of);
+            let mut timed = Timed::new(solver);
+            let report = |seen: &usize| pieces.seen(*seen).compare(&mut timed).map(Some);
+            let reports = self.seen.iter().map(report).collect::<Result<Vec<_>, _>>()?;
+            bar.add(1);
+            Ok(Row { of, model: model.map(shipped::from_root), reports, microseconds: self.pace(timed.spent), seconds: None })
+        };
+        let analytic = || system.spec.truth.solver(&system);
+        let mut rows = vec![
+            row("hold last".into(), None, &pieces.described(), Box::new(Hold))?,
+            row("analytic, as described".into(), None, &pieces.described(), analytic())?,
+            row("analytic, told".into(), None, &pieces.told(), analytic())?,
+        ];
+        if self.evaluations > 0 {
+            rows.push(self.calibrated(&pieces, Timed::new(analytic()))?);
+        }
+        bar.add(1);
+        for folder in &self.models {
+            let config = ModelConfig::read(folder)?;
+            let own = config.robot == system.name;
+            // A model of the robot that the family is like is asked as if there were no other.
+            let (pieces, like) = if own {
+                (pieces.clone(), system.clone())
+            } else {
+                let like = System::named(&config.robot)?;
+                system.alike(&like).map_err(|e| anyhow::anyhow!("{}: of another robot than the family: {e}", folder.display()))?;
+                (Pieces { system: like.clone(), ..pieces.described() }, like)
+            };
+            let solver = self.device.neural(folder, &like, None, pieces.count())?;
+            let kind = match (own, config.told) {
+                (false, _) => "nominal",
+                (true, true) => "told",
+                (true, false) => "guessed",
+            };
+            let of = format!("NeRD {kind}, sees {} frames, {:.2} M", config.network.reach(), config.network.parameters() as f64 / 1e6);
+            rows.push(row(of, Some(folder), &pieces, solver)?);
+        }
+        bar.finish();
+        Ok(rows)
+    }
+
+    /// Of a frame of one robot (us), of all that were stepped in so long.
+    fn pace(&self, spent: Duration) -> f64 {
+        let steps = self.seen.iter().map(|seen| seen + self.frames).sum::<usize>() * self.robots;
+        1e6 * spent.as_secs_f64() / steps as f64
+    }
+
+    fn calibrated(&self, pieces: &Pieces, mut solver: Timed) -> Result<Row> {
+        let (mut reports, mut seconds) = (Vec::new(), 0.0);
+        for seen in &self.seen {
+            let begun = Instant::now();
+            let fitted = calibrated::calibrated(&pieces.seen(*seen), self.evaluations)?;
+            let threads = rayon::current_num_threads().min(self.robots);
+            seconds = f64::max(seconds, begun.elapsed().as_secs_f64() * threads as f64 / self.robots as f64);
+            reports.push(fitted.map(|pieces| pieces.compare(&mut solver)).transpose()?);
+        }
+        let of = format!("analytic, calibrated on what is seen in {} evaluations", self.evaluations);
+        Ok(Row { of, model: None, reports, microseconds: self.pace(solver.spent), seconds: Some(seconds) })
+    }
+
+    fn table(&self, system: &System, rows: &[Row]) -> Table {
+        let shown: Vec<String> = self.seen.iter().map(|seen| format!("{seen} seen")).collect();
+        let header = [
+            &["solver"],
+            &shown.iter().map(String::as_str).collect::<Vec<_>>()[..],
+            &["by quantity", "diverged", "us a frame", "s to know a robot"],
+        ]
+        .concat();
+        let cells = rows.iter().map(|row| {
+            let bounded = |[error, spread]: [f64; 2]| format!("{} ± {}", digits(error), digits(spread));
+            let errors = (0..self.seen.len()).map(|k| or_dash(row.error(k).map(bounded)));
+            let last = row.reports.iter().flatten().next_back();
+            let rest = [
+                or_dash(last.map(|last| pair(&summary(system, &last.error)))),
+                or_dash(last.map(|last| last.diverged.to_string())),
+                format!("{:.1}", row.microseconds),
+                or_dash(row.seconds.map(digits)),
+            ];
+            [row.of.clone()].into_iter().chain(errors).chain(rest).collect()
+        });
+        Table::new("family", &header).with(cells).noted(&format!(
+            "Mean |dq| over rollouts of {} frames of {} robots of `{}` that no model learned from, and over all quantities, ± the largest \
+             standard error of one; by the frames that a solver was shown before. By quantity at the last: {}. Told: what was drawn, but for \
+             ripples. Torques are {} times those of the training data, held for {} frames at most.",
+            self.frames,
+            self.robots,
+            self.robot,
+            summary_names(system).join(" / "),
+            self.drive,
+            self.hold
+        ))
+    }
+
+    fn figure(&self, rows: &[Row]) -> Figure {
+        let line = |row: &Row| {
+            let point = |(k, seen): (usize, &usize)| Some((*seen.max(&1) as f64, row.error(k)?[0]));
+            Series::new(row.of.clone(), Style::Line, self.seen.iter().enumerate().filter_map(point))
+        };
+        let series = rows.iter().map(line).collect();
+        let panel = Panel { x: Axis::log("frames seen"), y: Axis::log("mean error (rad or m)"), series, ..Panel::default() };
+        Figure::single(format!("{}: error by frames seen", self.robot), panel)
+    }
+}
+
+impl Experiment for Family {
+    fn about(&self) -> Result<About> {
+        let mut inputs = Inputs::default();
+        inputs.add(Input::robot(&*self.system()?));
+        for folder in &self.models {
+            inputs.add(Input::model(folder)?);
+        }
+        let effort = (self.robots * self.frames * self.seen.len()) as f64;
+        Ok(About { name: self.name.clone(), seed: self.seed, effort, inputs })
+    }
+
+    fn measure(&self) -> Result<Measured> {
+        #[derive(Serialize)]
+        struct Found<'a> {
+            settings: &'a Family,
+            rows: &'a [Row],
+        }
+        let (system, rows) = (self.system()?, self.rows()?);
+        let table = self.table(&system, &rows);
+        Ok(Measured::new(&Found { settings: self, rows: &rows }, vec![table])?.with("seen", self.figure(&rows)))
+    }
+}
