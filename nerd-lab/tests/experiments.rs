@@ -111,7 +111,7 @@ fn the_summary_names_the_largest_of_a_robots_grounds_and_two_measurements_agree_
 #[test]
 fn tosses_that_nothing_was_fitted_to_are_predicted_better() {
     let mut settings = Calibration::default();
-    settings.log = Path::new(env!("CARGO_MANIFEST_DIR")).join("../nerd-sim/assets/logs/cube.log.toml");
+    settings.log = vec![Path::new(env!("CARGO_MANIFEST_DIR")).join("../nerd-sim/assets/logs/cube.log.toml")];
     (settings.solvers, settings.splits, settings.frames, settings.every) = (vec!["articulated".into()], 3, 40, 16);
     (settings.evaluations, settings.trials) = (60, 24);
     settings.parameters = vec!["com.z".into(), "damping".into(), "lag".into()];
@@ -155,7 +155,7 @@ fn a_solver_that_cannot_is_left_out_and_the_others_go_on() {
     };
     file("dry.csv", &(1..9).flat_map(|n| (0..12).map(move |k| row(n, k))).fold("n,t,q,v\n".into(), |all: String, row| all + &row));
     let mut settings = Calibration::default();
-    settings.log = folder.path().join("dry.log.toml");
+    settings.log = vec![folder.path().join("dry.log.toml")];
     (settings.splits, settings.frames, settings.every, settings.evaluations, settings.trials) = (1, 6, 3, 40, 8);
     let found = settings.all().expect("a calibration");
     let solvers: Vec<_> = found.fitted.iter().map(|fitted| &fitted.solver[..]).collect();

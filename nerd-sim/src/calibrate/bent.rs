@@ -125,7 +125,16 @@ impl Subject {
         };
         let all: Vec<Option<Bent>> = trials.par_iter().map_init(begin, one).collect();
         let sum = |a: Bent, b: Bent| Bent { slope: a.slope + b.slope, curvature: a.curvature + b.curvature };
-        Ok(all.into_iter().collect::<Option<Vec<_>>>().map(|all| all.into_iter().fold(Bent::none(p), sum)))
+        Ok(all.into_iter().collect::<Option<Vec<_>>>().map(|all| {
+            let mut bent = all.into_iter().fold(Bent::none(p), sum);
+            // Sums over trials and parts, of which the objective is the mean.
+            let share = (trials.len() * unit.iter().filter(|unit| **unit > 0.0).count()) as f64;
+            for (k, (parameter, value)) in parameters.iter().zip(values).enumerate() {
+                bent.slope[k] += share * parameter.pull(*value)[1];
+                bent.curvature[(k, k)] += share * 2.0 * parameter.weight;
+            }
+            bent
+        }))
     }
 }
 

@@ -7,7 +7,7 @@ use fcmaes_core::{Cmaes, CmaesParams, Fitness};
 use serde::{Deserialize, Serialize};
 
 use super::bent::descend;
-use super::parameter::{CalibrateError, Parameter};
+use super::parameter::{CalibrateError, Parameter, pull};
 use super::subject::Subject;
 use super::trial::{Distance, Trial, mean};
 
@@ -45,7 +45,7 @@ const STEPS: [f64; 2] = [0.15, 0.04];
 pub struct Fit {
     /// Values of the parameters, in their order.
     pub values: Vec<f64>,
-    /// The objective there: the sum of the mean distances, each in units of that without a fit, over their number.
+    /// The objective there: the sum of the mean distances, each in units of that without a fit, over their number; and what the values cost.
     pub objective: f64,
     /// Mean distances without a fit.
     pub before: Distance,
@@ -96,7 +96,7 @@ impl<'a> Search<'a> {
     fn worth(&self, values: &[f64]) -> Result<(f64, Distance), CalibrateError> {
         self.spent.set(self.spent.get() + self.share);
         let apart = mean(&self.subject.with(self.parameters, values)?.distances(self.trials)?);
-        let worth = objective(&apart, &self.unit);
+        let worth = objective(&apart, &self.unit) + pull(self.parameters, values);
         Ok((if worth.is_finite() { worth } else { f64::MAX }, apart))
     }
 

@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::bent::{Bent, descend};
 use super::fit::{Fit, FitConfig, INSIDE, PASS, STAGES, objective, thinned};
-use super::parameter::{CalibrateError, Parameter};
+use super::parameter::{CalibrateError, Parameter, pull};
 use super::subject::Subject;
 use super::trial::{Trial, mean};
 
@@ -55,7 +55,9 @@ impl Subject {
                 spent.set(spent.get() + frames * share);
                 let apart = groups.iter().enumerate().filter(|(_, trials)| !trials.is_empty());
                 let apart = apart.map(|(k, trials)| self.with(&pair, &part(values, k))?.distances(trials));
-                let worth = objective(&mean(&apart.collect::<Result<Vec<_>, _>>()?.concat()), &unit);
+                let costs = groups.iter().enumerate().map(|(k, trials)| trials.len() as f64 * pull(&pair, &part(values, k)));
+                let worth =
+                    objective(&mean(&apart.collect::<Result<Vec<_>, _>>()?.concat()), &unit) + costs.sum::<f64>() / seen.len() as f64;
                 Ok(if worth.is_finite() { worth } else { f64::MAX })
             };
             let pass = PASS * frames * share;

@@ -61,6 +61,9 @@ pub struct Parameter {
     pub logarithmic: bool,
     /// Its unit.
     pub unit: &'static str,
+    /// What it costs to leave the nominal value: the objective rises by so much times the square of the way, in shares of the bounds.
+    /// Without it, 0.
+    pub weight: f64,
     pub(super) what: What,
 }
 
@@ -157,7 +160,7 @@ impl Parameter {
             "armature" => joint().map(|(k, j)| braked(What::Armature(k), j.armature, 0.01 * size * size * robot.mass(), "kg m^2"))?,
             _ => return Err(unknown()),
         };
-        Ok(Self { name: name.into(), low, high, nominal, logarithmic, unit, what })
+        Ok(Self { name: name.into(), low, high, nominal, logarithmic, unit, weight: 0.0, what })
     }
 
     /// What data of free motion in a scene may determine, for one of the two engines: every link's centre of mass and inertia, masses of
@@ -196,6 +199,18 @@ impl Parameter {
         if self.logarithmic { self.low * (self.high / self.low).powf(x) } else { self.low + x * (self.high - self.low) }
     }
 
+    /// The same held near a value: see [`Self::weight`].
+    #[must_use]
+    pub fn near(&self, nominal: f64, weight: f64) -> Self {
+        Self { nominal, weight, ..self.clone() }
+    }
+
+    /// What a value costs, and how that changes with its place.
+    pub(super) fn pull(&self, value: f64) -> [f64; 2] {
+        let way = self.place(value) - self.place(self.nominal);
+        [self.weight * way * way, 2.0 * self.weight * way]
+    }
+
     /// By how much a value changes with its place between the bounds.
     pub(super) fn by_place(&self, value: f64) -> f64 {
         if self.logarithmic { value * (self.high / self.low).ln() } else { self.high - self.low }
@@ -213,6 +228,11 @@ impl Parameter {
         };
         x.clamp(0.0, 1.0)
     }
+}
+
+/// What values cost together.
+pub(super) fn pull(parameters: &[Parameter], values: &[f64]) -> f64 {
+    parameters.iter().zip(values).map(|(p, v)| p.pull(*v)[0]).sum()
 }
 
 fn axis(name: &str) -> usize {

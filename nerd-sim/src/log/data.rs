@@ -14,6 +14,8 @@ pub struct Log {
     pub trajectories: Vec<Trajectory>,
     /// What was done to it, and what looks odd, a line each.
     pub notes: Vec<String>,
+    /// Names of trajectories that are judged together; each is in one of these, or there are none.
+    pub folds: Vec<Vec<u64>>,
     /// What others published of it.
     pub published: Vec<Published>,
 }
@@ -42,6 +44,17 @@ pub enum LogError {
 }
 
 impl Log {
+    /// Fails unless every trajectory is in one fold, where there are folds.
+    pub(super) fn parted(&self) -> Result<(), String> {
+        let mut all: Vec<u64> = self.folds.concat();
+        all.sort_unstable();
+        let known: std::collections::BTreeSet<u64> = self.trajectories.iter().map(|t| t.id).collect();
+        match known.iter().copied().eq(all.iter().copied()) || all.is_empty() {
+            true => Ok(()),
+            false => Err(format!("`folds` have the trajectories {all:?}: each of {known:?} has to be in one of them")),
+        }
+    }
+
     /// Whether any torque acts.
     pub fn driven(&self) -> bool {
         self.trajectories.iter().flat_map(|t| &t.torques).flatten().any(|t| *t != 0.0)

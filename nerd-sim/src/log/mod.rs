@@ -44,7 +44,9 @@ impl Log {
             return Err(bad(&csv, text));
         }
         let trajectories = tidy::states(&system, cut, &mut notes);
-        let mut log = Self { scene: spec.scene.clone(), system, trajectories, notes, published: spec.published.clone() };
+        let (scene_name, folds, published) = (spec.scene.clone(), spec.folds.clone(), spec.published.clone());
+        let mut log = Self { scene: scene_name, system, trajectories, notes, folds, published };
+        log.parted().map_err(|reason| bad(path, reason))?;
         check::falls(&csv, &mut log, &scene)?;
         Ok(log)
     }

@@ -10,6 +10,7 @@ use serde::{Deserialize, Deserializer, Serialize, de::Error};
 /// robot = "cube.urdf"               # beside this one, or a built-in robot's name
 /// scene = "ground"                  # where it was measured, by default this one
 /// only = [0, 2, 3]                  # trajectories to read; without it all
+/// folds = [[0, 3], [2]]             # those that are judged together, by what was fitted to the others; each in one of them
 /// trajectory = "toss"               # column whose value names the trajectory; without it all rows are one
 /// time = "t"
 /// units = { length = "m", angle = "rad", time = "s" }   # these by default; also cm, mm; deg; ms, us, ns
@@ -39,6 +40,8 @@ pub struct LogSpec {
     #[serde(default = "ground")]
     pub(super) scene: String,
     pub(super) only: Option<Vec<u64>>,
+    #[serde(default)]
+    pub(super) folds: Vec<Vec<u64>>,
     pub(super) trajectory: Option<String>,
     pub(super) time: String,
     #[serde(default)]

@@ -161,8 +161,14 @@ fn shown(subject: &Subject, id: u64, frames: usize) -> Vec<Trial> {
     }
     states.iter_mut().for_each(|state| subject.shift(&mut state[..2], -1.0));
     let trajectory = nerd_sim::log::Trajectory { id, torques: [&torques[..], &[vec![0.0; 2]]].concat(), states };
-    let log =
-        Log { system: subject.system.clone(), scene: "free".into(), trajectories: vec![trajectory], notes: vec![], published: vec![] };
+    let log = Log {
+        system: subject.system.clone(),
+        scene: "free".into(),
+        trajectories: vec![trajectory],
+        notes: vec![],
+        folds: vec![],
+        published: vec![],
+    };
     log.trials(41, 40)
 }
 

@@ -1,11 +1,12 @@
 //! Analytic solvers calibrated to measured trajectories, cross-validated over splits by trajectory ([`nerd_sim::calibrate`]).
 
+mod runs;
 mod split;
 mod tables;
 
 use crate::prelude::*;
 use crate::roll::refusal;
-use nerd_sim::calibrate::{Distance, Engine, Fit, FitConfig, Parameter, Subject, Trial, mean, thinned};
+use nerd_sim::calibrate::{Engine, Fit, FitConfig, Parameter, Subject, Trial, mean, thinned};
 use nerd_sim::log::{Log, Published, specified, tables};
 use split::{Parts, Scored, Split};
 
@@ -16,9 +17,9 @@ const BEHIND: usize = 200;
 settings! {
     /// Analytic solvers calibrated to measured trajectories.
     pub struct Calibration {
-        /// TOML that describes the measurements; see `nerd_sim::log`
-        log: PathBuf = "nerd-sim/assets/logs/cube.log.toml".into(), Text;
-        /// Their table [default: the one that the TOML names]
+        /// TOML that describes the measurements; see `nerd_sim::log`. With --own several, comma-separated, each calibrated for itself
+        log: Vec<PathBuf> = vec!["nerd-sim/assets/logs/cube.log.toml".into()], Texts;
+        /// Their table, or a folder of tables [default: what the TOML names]
         data: Option<PathBuf> = None, Text;
         /// Name of the result [default: calibrate- and the TOML's first word]
         name: String = String::new(), Text;
@@ -31,9 +32,13 @@ settings! {
         /// Parameters, comma-separated [default: all that free motion may determine]
         parameters: Vec<String> = Vec::new(), Texts;
         /// Parameters that each trajectory has of its own, comma-separated, such as zeros of sensors that were set by hand: fitted together
-        /// with the others (to which one that is named there, too, belongs then), and of a judged trajectory to what is --before
+        /// with the others, and of a judged trajectory to what is --before. Every trajectory is judged once then, by the other folds: the
+        /// log's, or as many as there are --splits; over half as many, as many and twice as many frames as --frames
         own: Vec<String> = Vec::new(), Texts;
-        /// Frames of each trajectory before its first judged rollout
+        /// With --own: those of --parameters, comma-separated, that a trajectory may have of its own near what all share. How near is chosen
+        /// within the folds that were learned from
+        held: Vec<String> = Vec::new(), Texts;
+        /// With --own: frames of each trajectory before its first judged rollout
         before: usize = 0, Whole(0..=*FRAMES.end());
         /// Random splits by trajectory: fitted to one part, judged on another
         splits: usize = 5, Whole(1..=100);
@@ -118,22 +123,15 @@ impl Calibration {
             };
             let (evaluations, trials, seed) = (self.evaluations, self.trials, self.seed + k);
             let (config, begun) = (FitConfig { evaluations, trials, seed, slopes: by == "slopes" }, Instant::now());
-            let fit = if self.own.is_empty() {
-                subject.fit(&parameters, &part.train, config, progress)?
-            } else {
-                let own = self.own.iter().filter(|name| !self.parameters.contains(name)).map(|name| Parameter::named(&log.system, name));
-                subject.fit_own([&parameters, &own.collect::<std::result::Result<Vec<_>, _>>()?], &part.train, config, progress)?.shared
-            };
+            let fit = subject.fit(&parameters, &part.train, config, progress)?;
             let (seconds, fitted) = (begun.elapsed().as_secs_f64(), subject.with(&parameters, &fit.values)?);
-            let judge = |trials: &[Trial]| self.judge(log, &fitted, trials);
-            Ok((part.split(&subject, &judge, (&fit, seconds), seed)?, fit))
+            Ok((part.split([&subject, &fitted], (&fit, seconds), seed)?, fit))
         };
         // One after the other, so that the clock is each one's own; trials are rolled out on all cores.
         let found = parts.iter().enumerate().map(|(k, part)| one((k as u64, part))).collect::<Result<Vec<_>>>()?;
         let some: Vec<Trial> = thinned(&parts[0].train, BEHIND);
         let own = Fit { before: mean(&subject.distances(&some)?), ..found[0].1.clone() };
-        // Along what is shared alone there is no valley where trajectories differ.
-        let profiles = if self.own.is_empty() { subject.profiles(&parameters, &own, &some, PLACES)? } else { Vec::new() };
+        let profiles = subject.profiles(&parameters, &own, &some, PLACES)?;
         let found_by_slopes = own.slopes;
         let splits: Vec<Split> = found.into_iter().map(|(split, _)| split).collect();
         bar.finish();
@@ -146,29 +144,9 @@ impl Calibration {
         Ok(Calibrated { solver, by, parameters, splits, profiles })
     }
 
-    /// Distances of trials from a calibrated subject, each with its trajectory's own parameters fitted to what is before all of them.
-    fn judge(&self, log: &Log, fitted: &Subject, trials: &[Trial]) -> Result<Vec<Distance>> {
-        if self.own.is_empty() {
-            return Ok(fitted.distances(trials)?);
-        }
-        let own = self.own.iter().map(|name| Parameter::named(&fitted.system, name)).collect::<std::result::Result<Vec<_>, _>>()?;
-        let known = log.trials(self.frames.min(self.before + 1), self.every);
-        let mut found = Vec::new();
-        for trials in trials.chunk_by(|a, b| a.id == b.id) {
-            let seen: Vec<Trial> =
-                known.iter().filter(|t| t.id == trials[0].id && t.first + t.measured.len() <= self.before + 1).cloned().collect();
-            let config = FitConfig { evaluations: self.evaluations, trials: self.trials, seed: self.seed, slopes: true };
-            let fit = fitted.fit(&own, &seen, config, &mut |_, _| ())?;
-            found.extend(fitted.with(&own, &fit.values)?.distances(trials)?);
-        }
-        Ok(found)
-    }
-
     pub fn all(&self) -> Result<CalibratedAll> {
-        if self.own.is_empty() != (self.before == 0) {
-            bail!("--own and --before belong together: what a trajectory has of its own is fitted to the frames before its rollouts");
-        }
-        let log = Log::read(&self.log, self.data.as_deref())?;
+        let [path] = &self.log[..] else { bail!("--log: without --own one log is fitted to, not {}", self.log.len()) };
+        let log = Log::read(path, self.data.as_deref())?;
         log.notes.iter().for_each(|note| tell!("{note}"));
         bounds::once("--parameters", &self.parameters)?;
         bounds::once("--solvers", &self.solvers)?;
@@ -180,8 +158,7 @@ impl Calibration {
         let ready = able(&self.solvers, |solver| self.subject(&log, solver).map(|_| solver))?;
         let trials = log.trials(self.frames, self.every);
         let seeds = self.seed..self.seed + self.splits as u64;
-        let parts: Vec<Parts> =
-            seeds.clone().map(|seed| Parts::new(&log, &trials, (self.train, self.before), seed)).collect::<Result<_>>()?;
+        let parts: Vec<Parts> = seeds.clone().map(|seed| Parts::new(&log, &trials, self.train, seed)).collect::<Result<_>>()?;
         let still = parts.iter().zip(seeds).map(|(part, seed)| part.still(&log, seed)).collect();
         let fitted = able(&ready, |solver| {
             let (mut all, search): (Vec<Calibrated>, _) = (Vec::new(), vec!["search".to_string()]);
@@ -219,12 +196,16 @@ fn able<'a, T>(solvers: &'a [impl AsRef<str>], of: impl Fn(&'a str) -> Result<T>
 
 impl Experiment for Calibration {
     fn about(&self) -> Result<About> {
-        let stem = self.log.file_name().map(|n| n.to_string_lossy().split('.').next().unwrap_or_default().to_string());
-        let name = if self.name.is_empty() { format!("calibrate-{}", stem.unwrap_or_default()) } else { self.name.clone() };
-        let (spec, system) = specified(&self.log)?;
-        let table = self.data.clone().unwrap_or_else(|| self.log.with_file_name(spec.file));
-        let mut inputs = Inputs(vec![Input::files(&name, &[vec![self.log.clone()], tables(&table)?].concat())?]);
-        inputs.add(Input::Data { name: system.name.clone(), sha256: system.sha256() });
+        let Some(first) = self.log.first() else { bail!("--log: name the TOML of a log") };
+        let name = if self.name.is_empty() { format!("calibrate-{}", runs::stem(first)) } else { self.name.clone() };
+        let (mut inputs, mut files) = (Inputs::default(), Vec::new());
+        for log in &self.log {
+            let (spec, system) = specified(log)?;
+            let table = self.data.clone().unwrap_or_else(|| log.with_file_name(spec.file));
+            files.extend([log.clone()].into_iter().chain(tables(&table)?));
+            inputs.add(Input::Data { name: system.name.clone(), sha256: system.sha256() });
+        }
+        inputs.0.insert(0, Input::files(&name, &files)?);
         // Of every robot: what is hashed is how the solver steps.
         for solver in &self.solvers {
             let setting = if solver == "rapier" { Setting::RapierSteps(1) } else { Setting::Implicit(self.substeps) };
@@ -235,6 +216,10 @@ impl Experiment for Calibration {
     }
 
     fn measure(&self) -> Result<Measured> {
+        if !(self.own.is_empty() && self.held.is_empty() && self.before == 0) {
+            let found = self.runs()?;
+            return Measured::new(&found, found.tables());
+        }
         let found = self.all()?;
         let mut measured = Measured::new(&found, vec![found.errors(), found.fits(), found.parameters()])?;
         let first = found.fitted.first().filter(|solver| !solver.profiles.is_empty());

@@ -1,7 +1,7 @@
 //! Splits of a log by trajectory, and errors on the part that nothing was fitted to.
 
 use nerd_sim::calibrate::{Distance, Fit, Subject, Trial, distance, mean};
-use nerd_sim::log::{Log, Trajectory};
+use nerd_sim::log::Log;
 use rand::{RngExt, seq::SliceRandom};
 
 use crate::prelude::*;
@@ -51,8 +51,8 @@ const JUDGED: f64 = 0.5;
 const SETS: usize = 1000;
 
 impl Parts {
-    /// A random split: `train` % of the trajectories, and half of the rest, from frame `before` on. Neither part may be empty.
-    pub fn new(log: &Log, trials: &[Trial], (train, before): (usize, usize), seed: u64) -> Result<Self> {
+    /// A random split: `train` % of the trajectories, and half of the rest. Neither part may be empty.
+    pub fn new(log: &Log, trials: &[Trial], train: usize, seed: u64) -> Result<Self> {
         let mut ids: Vec<u64> = log.trajectories.iter().map(|t| t.id).collect();
         ids.dedup();
         ids.shuffle(&mut stream(seed, 0));
@@ -61,13 +61,8 @@ impl Parts {
         let of = |ids: &[u64], trials: &[Trial]| trials.iter().filter(|t| ids.contains(&t.id)).cloned().collect::<Vec<_>>();
         let mut judged = ids[first..last].to_vec();
         judged.sort_unstable();
-        let mut judged_on = of(&judged, trials);
-        judged_on.retain(|t| t.first >= before);
-        // Whole but for what a trajectory's own parameters are found from.
-        let rest = log.trajectories.iter().filter(|t| t.states.len() > before + 1);
-        let rest = rest.map(|t| Trajectory { id: t.id, states: t.states[before..].to_vec(), torques: t.torques[before..].to_vec() });
-        let whole = Log { trajectories: rest.collect(), ..log.clone() }.trials(0, 1);
-        let parts = Self { train: of(&ids[..first], trials), judged: judged_on, whole: of(&judged, &whole), ids: judged };
+        let parts =
+            Self { train: of(&ids[..first], trials), judged: of(&judged, trials), whole: of(&judged, &log.trials(0, 1)), ids: judged };
         if parts.train.is_empty() || parts.judged.is_empty() {
             let longest = log.trajectories.iter().map(|t| t.states.len()).max().unwrap_or_default();
             bail!(
@@ -80,21 +75,15 @@ impl Parts {
         Ok(parts)
     }
 
-    pub fn split(
-        &self,
-        before: &Subject,
-        after: &dyn Fn(&[Trial]) -> Result<Vec<Distance>>,
-        (fit, seconds): (&Fit, f64),
-        seed: u64,
-    ) -> Result<Split> {
+    pub fn split(&self, [before, after]: [&Subject; 2], (fit, seconds): (&Fit, f64), seed: u64) -> Result<Split> {
         let scored = |trials: &[Trial], distances: Vec<Distance>| Scored::new(trials, &distances, seed);
         Ok(Split {
             judged: self.ids.clone(),
             fit: FitOf { values: fit.values.clone(), objective: fit.objective, evaluations: fit.evaluations, seconds },
             before: scored(&self.judged, before.distances(&self.judged)?),
-            after: scored(&self.judged, after(&self.judged)?),
+            after: scored(&self.judged, after.distances(&self.judged)?),
             whole_before: scored(&self.whole, before.distances(&self.whole)?),
-            whole_after: scored(&self.whole, after(&self.whole)?),
+            whole_after: scored(&self.whole, after.distances(&self.whole)?),
         })
     }
 

@@ -125,14 +125,18 @@ fn line(name: &str, joints: bool, splits: &[&Scored], whole: Option<&[&Scored]>)
         let mean = |end: fn(&Scored) -> &Distance| splits.iter().map(|s| field(end(s))).sum::<f64>() / splits.len() as f64;
         [mean(|s| &s.mean), mean(|s| &s.low), mean(|s| &s.high)]
     };
-    let text = |[mean, low, high]: [f64; 3]| format!("{} [{}, {}]", digits(mean), digits(low), digits(high));
-    let mut row = vec![name.to_string(), text(of(splits, |g| g.position)), text(of(splits, |g| g.rotation))];
-    row.extend(joints.then(|| text(of(splits, |g| g.joints))));
-    row.push(text(of(splits, |g| 100.0 * g.other_side)));
+    let mut row = vec![name.to_string(), listed(of(splits, |g| g.position)), listed(of(splits, |g| g.rotation))];
+    row.extend(joints.then(|| listed(of(splits, |g| g.joints))));
+    row.push(listed(of(splits, |g| 100.0 * g.other_side)));
     let some = |w: &[&Scored]| {
         let all = [of(w, |g| g.position)[0], of(w, |g| g.rotation)[0], of(w, |g| g.joints)[0]];
         all[..if joints { 3 } else { 2 }].iter().map(|x| digits(*x)).collect::<Vec<_>>().join(" / ")
     };
     row.push(whole.map_or("-".into(), some));
     row
+}
+
+/// A mean and the ends of its interval.
+pub(super) fn listed([mean, low, high]: [f64; 3]) -> String {
+    format!("{} [{}, {}]", digits(mean), digits(low), digits(high))
 }

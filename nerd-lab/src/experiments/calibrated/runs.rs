@@ -1,0 +1,274 @@
+//! Parameters that each trajectory has of its own, such as zeros of sensors that are set by hand before a run: found from its first frames,
+//! beside what all share. Every trajectory is judged once, after them, by what was fitted to the other folds.
+
+use nerd_sim::calibrate::{FitConfig, Parameter, Subject, Trial, distance};
+use nerd_sim::log::Log;
+use rand::RngExt;
+
+use super::{Calibration, tables::listed};
+use crate::prelude::*;
+
+/// Costs of leaving what all share, in rad (or m) for the whole way between the bounds: one of these is chosen within the learned folds.
+const WEIGHTS: [f64; 6] = [0.0, 0.3, 1.0, 3.0, 10.0, 30.0];
+/// Resampled sets of trajectories.
+const SETS: usize = 2000;
+/// The row that others are compared with, if there is more than it.
+const BASIS: usize = 2;
+
+/// A trajectory that was judged.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Judged {
+    /// Its log, and its name there.
+    pub log: String,
+    pub id: u64,
+    /// Rollouts of each length, and mean errors of the joints by method and length (rad or m): those of every predicted frame count alike.
+    pub rollouts: Vec<usize>,
+    pub errors: Vec<Vec<f64>>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Runs {
+    #[serde(flatten)]
+    pub settings: Calibration,
+    pub notes: Vec<String>,
+    pub methods: Vec<String>,
+    /// Frames of rollouts.
+    pub lengths: Vec<usize>,
+    /// By fold: what it costs to leave what all share, as the other folds chose it.
+    pub weights: Vec<f64>,
+    pub judged: Vec<Judged>,
+}
+
+/// What was learned of a log without some of its trajectories.
+struct Learned<'a> {
+    log: &'a Log,
+    /// What all share, fitted beside each trajectory's own.
+    shared: Subject,
+    /// A trajectory's own parameters, and those that it may have of its own near what all share.
+    own: Vec<Parameter>,
+    held: Vec<Parameter>,
+}
+
+impl Calibration {
+    fn config(&self, share: usize) -> FitConfig {
+        FitConfig { evaluations: self.evaluations / share, trials: self.trials, seed: self.seed, slopes: true }
+    }
+
+    /// Rollouts that something is fitted to.
+    fn pieces(&self, log: &Log, every: usize) -> Vec<Trial> {
+        log.trials((self.frames / 2).max(1) + 1, every.max(1))
+    }
+
+    /// The same without some trajectories.
+    fn others(&self, log: &Log, out: &[u64]) -> Vec<Trial> {
+        self.pieces(log, self.every).into_iter().filter(|t| !out.contains(&t.id)).collect()
+    }
+
+    fn learned<'a>(&self, log: &'a Log, out: &[u64]) -> Result<Learned<'a>> {
+        let (described, parameters) = self.subject(log, "articulated")?;
+        let own: Vec<Parameter> = self.own.iter().map(|name| Parameter::named(&log.system, name)).collect::<std::result::Result<_, _>>()?;
+        let shared = described.fit_own([&parameters, &own], &self.others(log, out), self.config(1), &mut |_, _| ())?.shared;
+        let of = |name: &String| match parameters.iter().zip(&shared.values).find(|(p, _)| p.name == *name) {
+            Some((p, value)) => Ok(p.near(*value, 0.0)),
+            None => bail!("--held {name}: what is held near what all share is fitted to all, too; name it in --parameters"),
+        };
+        let held = self.held.iter().map(of).collect::<Result<_>>()?;
+        Ok(Learned { log, shared: described.with(&parameters, &shared.values)?, own, held })
+    }
+
+    /// What a trajectory's first frames make of what all share.
+    fn told(&self, learned: &Learned, id: u64, weight: Option<f64>) -> Result<Subject> {
+        let mut seen = self.pieces(learned.log, self.every / 2);
+        seen.retain(|t| t.id == id && t.first + t.measured.len() <= self.before + 1);
+        if seen.is_empty() {
+            bail!("--before {}: no rollout of {} frames is in what is before; take more, or fewer --frames", self.before, self.frames / 2);
+        }
+        let mut parameters = learned.own.clone();
+        if let Some(weight) = weight {
+            // The objective is in units of what it was.
+            let unit = nerd_sim::calibrate::mean(&learned.shared.distances(&seen)?).joints;
+            parameters.extend(learned.held.iter().map(|p| p.near(p.nominal, weight / unit.max(f64::MIN_POSITIVE))));
+        }
+        let fit = learned.shared.fit(&parameters, &seen, self.config(4), &mut |_, _| ())?;
+        Ok(learned.shared.with(&parameters, &fit.values)?)
+    }
+
+    /// Mean errors of a subject, or of no motion, after a trajectory's first frames, by length of rollouts; and how many there are.
+    fn errors(&self, log: &Log, id: u64, subject: Option<&Subject>, lengths: &[usize]) -> Result<Vec<(usize, f64)>> {
+        let of = |frames: &usize| {
+            let mut trials = log.trials(frames + 1, self.every);
+            trials.retain(|t| t.id == id && t.first >= self.before);
+            let still = |t: &Trial| distance(&log.system, &vec![t.measured[0].clone(); t.measured.len()], &t.measured);
+            let found = subject.map_or_else(|| Ok(trials.iter().map(still).collect()), |subject| subject.distances(&trials))?;
+            // Rollouts begin where they were measured: that frame is none of theirs.
+            let predicted = (frames + 1) as f64 / *frames as f64;
+            Ok((trials.len(), predicted * mean(&found.iter().map(|d| d.joints).collect::<Vec<_>>())))
+        };
+        lengths.iter().map(of).collect()
+    }
+
+    /// Errors by weight, as logarithms so that long ones do not decide alone, of trajectories that were not learned from.
+    fn weighed(&self, learned: &Learned, ids: &[u64]) -> Result<Vec<[f64; WEIGHTS.len()]>> {
+        let of = |id: &u64| -> Result<[f64; WEIGHTS.len()]> {
+            let mut found = [0.0; WEIGHTS.len()];
+            for (error, weight) in found.iter_mut().zip(WEIGHTS) {
+                let told = self.told(learned, *id, Some(weight))?;
+                *error = self.errors(learned.log, *id, Some(&told), &[self.frames])?[0].1.ln();
+            }
+            Ok(found)
+        };
+        ids.iter().map(of).collect()
+    }
+
+    /// By fold, the weight by which trajectories of the others are predicted best, of each pair of folds one by what was learned without both.
+    fn chosen(&self, logs: &[Log], folds: &[Vec<Vec<u64>>], count: usize, progress: &mut dyn FnMut()) -> Result<Vec<f64>> {
+        let mut sums = vec![[0.0; WEIGHTS.len()]; count];
+        for (log, folds) in logs.iter().zip(folds) {
+            for (a, b) in (0..folds.len()).flat_map(|a| (0..a).map(move |b| (a, b))) {
+                let learned = self.learned(log, &[&folds[a][..], &folds[b]].concat())?;
+                for (fold, other) in [(a, b), (b, a)] {
+                    for errors in self.weighed(&learned, &folds[other])? {
+                        sums[fold].iter_mut().zip(errors).for_each(|(sum, error)| *sum += error);
+                    }
+                }
+                progress();
+            }
+        }
+        let best =
+            |sums: &[f64; WEIGHTS.len()]| sums.iter().zip(WEIGHTS).min_by(|a, b| a.0.total_cmp(b.0)).map_or(0.0, |(_, weight)| weight);
+        Ok(sums.iter().map(best).collect())
+    }
+
+    pub fn runs(&self) -> Result<Runs> {
+        if self.before == 0 || self.own.is_empty() {
+            bail!(
+                "--own, --held and --before belong together: what a trajectory has of its own is fitted to the frames before its rollouts"
+            );
+        }
+        let logs = self.log.iter().map(|path| Log::read(path, self.data.as_deref())).collect::<std::result::Result<Vec<_>, _>>()?;
+        let notes: Vec<String> = logs.iter().flat_map(|log| log.notes.clone()).collect();
+        notes.iter().for_each(|note| tell!("{note}"));
+        if let Some(log) = logs.iter().find(|log| log.system.robot.floating() || log.system.robot.joint_count() == 0) {
+            bail!("--own: `{}` has a free base or no joint; joints of a robot on a fixed base are compared", log.system.name);
+        }
+        let folds: Vec<Vec<Vec<u64>>> = logs.iter().map(|log| self.folds(log)).collect();
+        let (count, lengths) = (folds.iter().map(Vec::len).max().unwrap_or(0), [self.frames / 2, self.frames, 2 * self.frames]);
+        if let Some(log) =
+            logs.iter().zip(&folds).find(|(_, folds)| folds.len() < 2 + usize::from(!self.held.is_empty())).map(|(log, _)| log)
+        {
+            bail!(
+                "--splits: `{}` has too few folds: what is learned without one, and with --held without two, needs another",
+                log.system.name
+            );
+        }
+        let pairs = if self.held.is_empty() { 0 } else { folds.iter().map(|f| f.len() * (f.len() - 1) / 2).sum() };
+        let bar = bar("folds", (pairs + folds.iter().map(Vec::len).sum::<usize>()) as u64);
+        let [own, near] = [&self.own, &self.held].map(|names| names.join(", "));
+        let mut methods: Vec<String> = ["no motion", "as described", "calibrated"].map(String::from).into();
+        methods.push(format!("calibrated, with its own {own}"));
+        let (mut weights, mut judged) = (Vec::new(), Vec::new());
+        if pairs > 0 {
+            methods.extend([format!("and {near}"), format!("and {near}, held near what all share")]);
+            weights = self.chosen(&logs, &folds, count, &mut || bar.add(1))?;
+        }
+        for ((log, path), folds) in logs.iter().zip(&self.log).zip(&folds) {
+            for (fold, ids) in folds.iter().enumerate() {
+                let learned = self.learned(log, ids)?;
+                let (described, parameters) = self.subject(log, "articulated")?;
+                let plain = described.fit(&parameters, &self.others(log, ids), self.config(1), &mut |_, _| ())?;
+                let plain = described.with(&parameters, &plain.values)?;
+                for &id in ids {
+                    let mut subjects = vec![None, Some(described.clone()), Some(plain.clone()), Some(self.told(&learned, id, None)?)];
+                    for weight in weights.get(fold).map_or_else(Vec::new, |weight| vec![0.0, *weight]) {
+                        subjects.push(Some(self.told(&learned, id, Some(weight))?));
+                    }
+                    let found: Vec<Vec<(usize, f64)>> =
+                        subjects.iter().map(|s| self.errors(log, id, s.as_ref(), &lengths)).collect::<Result<_>>()?;
+                    let errors = found.iter().map(|row| row.iter().map(|x| x.1).collect()).collect();
+                    judged.push(Judged { log: stem(path), id, rollouts: found[0].iter().map(|x| x.0).collect(), errors });
+                }
+                bar.add(1);
+            }
+        }
+        bar.finish();
+        if let Some(run) = judged.iter().find(|run| !run.errors.iter().flatten().all(|e| e.is_finite())) {
+            let length = lengths[2];
+            bail!("trajectory {}: no rollout of {length} frames after the first {}; take fewer --frames", run.id, self.before);
+        }
+        Ok(Runs { settings: self.clone(), notes, methods, lengths: lengths.into(), weights, judged })
+    }
+
+    /// A log's folds: its own, or its trajectories in turn.
+    fn folds(&self, log: &Log) -> Vec<Vec<u64>> {
+        if !log.folds.is_empty() {
+            return log.folds.clone();
+        }
+        let all = ids(log);
+        (0..self.splits).map(|fold| all.iter().skip(fold).step_by(self.splits).copied().collect()).collect()
+    }
+}
+
+fn ids(log: &Log) -> Vec<u64> {
+    let mut all: Vec<u64> = log.trajectories.iter().map(|t| t.id).collect();
+    all.dedup();
+    all
+}
+
+/// A log's name: its file's up to the first point.
+pub(super) fn stem(path: &Path) -> String {
+    path.file_name().map(|n| n.to_string_lossy().split('.').next().unwrap_or_default().to_string()).unwrap_or_default()
+}
+
+impl Runs {
+    /// Of a method's errors at a length, and of the share by which they are below those of another: the mean, and the ends of its 95 % interval
+    /// from drawing trajectories with replacement.
+    fn spread(&self, length: usize, of: impl Fn(&[&Judged], usize) -> f64) -> [f64; 3] {
+        let (all, mut rng) = (self.judged.iter().collect::<Vec<_>>(), stream(self.settings.seed, 1));
+        let mut sets: Vec<f64> =
+            (0..SETS).map(|_| of(&all.iter().map(|_| all[rng.random_range(0..all.len())]).collect::<Vec<_>>(), length)).collect();
+        sets.sort_by(f64::total_cmp);
+        let end = |share: f64| sets[((sets.len() - 1) as f64 * share).round() as usize];
+        [of(&all, length), end(0.025), end(0.975)]
+    }
+
+    pub(super) fn tables(&self) -> Vec<Table> {
+        let error =
+            |runs: &[&Judged], method: usize, length: usize| mean(&runs.iter().map(|r| r.errors[method][length]).collect::<Vec<_>>());
+        let basis = BASIS + usize::from(self.methods.len() > BASIS + 2);
+        let row = |method: usize| {
+            let errors = (0..self.lengths.len()).map(|length| listed(self.spread(length, |runs, l| error(runs, method, l))));
+            let gain = self.spread(1, |runs, l| 100.0 * (1.0 - error(runs, method, l) / error(runs, basis, l)));
+            let gain = if method == basis { "-".into() } else { listed(gain) };
+            [self.methods[method].clone()].into_iter().chain(errors).chain([gain]).collect()
+        };
+        let header = self.lengths.iter().map(|frames| format!("{frames} frames"));
+        let header: Vec<String> =
+            ["method".into()].into_iter().chain(header).chain([format!("below `{}` (%)", self.methods[basis])]).collect();
+        let settings = &self.settings;
+        let errors = Table::new("errors", &header.iter().map(String::as_str).collect::<Vec<_>>())
+            .with((0..self.methods.len()).map(row))
+            .noted(&format!(
+                "Open loop from measured states, every {} frames from frame {} on; mean error of the joints (rad or m) over rollouts and their frames, \
+                 then over {} trajectories [95 % interval from drawing trajectories]. What all share was fitted to the other folds, what a \
+                 trajectory has of its own to its first {} frames. Last column: at {} frames, paired by trajectory. Cost of leaving what all \
+                 share, by fold, chosen within the other folds: {}.{}",
+                settings.every,
+                settings.before,
+                self.judged.len(),
+                settings.before,
+                self.lengths[1],
+                self.weights.iter().map(|w| digits(*w)).collect::<Vec<_>>().join(", "),
+                self.notes.iter().map(|n| format!(" {n}.")).collect::<String>()
+            ));
+        let mut header = vec!["log", "trajectory", "rollouts"];
+        header.extend(self.methods.iter().map(String::as_str));
+        let row = |run: &Judged| {
+            let errors = run.errors.iter().map(|e| digits(e[1]));
+            [run.log.clone(), run.id.to_string(), run.rollouts[1].to_string()].into_iter().chain(errors).collect()
+        };
+        let runs = Table::new("trajectories", &header)
+            .with(self.judged.iter().map(row))
+            .noted(&format!("Mean error at {} frames of each trajectory.", self.lengths[1]));
+        vec![errors, runs]
+    }
+}
