@@ -64,7 +64,6 @@ impl Subject {
         let by_place: Vec<f64> = parameters.iter().zip(values).map(|(p, v)| p.by_place(*v)).collect();
         let by = self.numbers_by(parameters, values)?.into_iter().zip(&by_place).map(|(by, place)| DVector::from_vec(by) * *place);
         let by = DMatrix::from_columns(&by.collect::<Vec<_>>());
-        let late = parameters.iter().position(|p| p.what == What::Delay);
         let side = |k: usize, size: f64| {
             let mut values = values.to_vec();
             values[k] += size * by_place[k];
@@ -84,7 +83,8 @@ impl Subject {
             let share = 1.0 / trial.measured.len() as f64;
             let earlier = [&trial.earlier].into_iter().chain(&trial.torques);
             for ((torques, before), measured) in trial.torques.iter().zip(earlier).zip(&trial.measured[1..]) {
-                let slopes = match solver.back_by_numbers(batch, &own.late(before, torques), rows, &identity) {
+                let acting = own.late(before, torques);
+                let slopes = match solver.back_by_numbers(batch, &acting, rows, &identity) {
                     Ok(found) => found,
                     Err(StepError::Refused(_)) => return None,
                     // As a rollout, it says nothing more.
@@ -92,11 +92,18 @@ impl Subject {
                 };
                 s = DMatrix::from_row_slice(rows, rows, &slopes.states) * s
                     + DMatrix::from_row_slice(rows, by.nrows(), &slopes.numbers) * &by;
-                if let Some(k) = late {
-                    let later = before.iter().zip(torques).map(|(before, now)| (before - now) * by_place[k]);
-                    let change =
-                        DMatrix::from_row_slice(rows, torques.len(), &slopes.torques) * DVector::from_iterator(torques.len(), later);
-                    s.column_mut(k).add_assign(&change);
+                let by_torques = DMatrix::from_row_slice(rows, torques.len(), &slopes.torques);
+                for (k, parameter) in parameters.iter().enumerate() {
+                    let change = match parameter.what {
+                        What::Delay => {
+                            let later =
+                                before.iter().zip(torques).zip(&own.strength).map(|((before, now), factor)| (before - now) * factor);
+                            &by_torques * DVector::from_iterator(torques.len(), later)
+                        }
+                        What::Strength(joint) => by_torques.column(joint) * (acting[joint] / own.strength[joint]),
+                        _ => continue,
+                    };
+                    s.column_mut(k).add_assign(&(change * by_place[k]));
                 }
                 // Frames this far from their parameters would weigh nothing.
                 if !s.iter().all(|x| x.abs() < HOPELESS) {

@@ -46,6 +46,7 @@ impl CalibrateError {
 /// | `joint-damping:JOINT`, `joint-friction:JOINT` | of a joint | N m s/rad, N m |
 /// | `armature:JOINT` | inertia of the drive at a joint | kg m^2 |
 /// | `zero:JOINT` | what a joint's sensor shows too little: its position is the reading and this | rad or m |
+/// | `strength:JOINT` | factor on the torque of a joint's motor | 1 |
 /// | `delay` | share of a frame by which torques act late | 1 |
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameter {
@@ -87,6 +88,7 @@ pub(super) enum What {
     Lag,
     Delay,
     Zero(usize),
+    Strength(usize),
     JointDamping(usize),
     JointFriction(usize),
     Armature(usize),
@@ -105,7 +107,7 @@ impl Parameter {
         let unknown = || {
             let links = robot.links.iter().map(|l| l.name.as_str()).collect::<Vec<_>>().join(", ");
             let joints = robot.joints().map(|j| j.name.as_str()).collect::<Vec<_>>().join(", ");
-            let of_joints = if joints.is_empty() { "" } else { "; armature, joint-damping, joint-friction, zero:JOINT of " };
+            let of_joints = if joints.is_empty() { "" } else { "; armature, joint-damping, joint-friction, strength, zero:JOINT of " };
             CalibrateError::Parameter(format!(
                 "no parameter `{name}`: choose from {PLAIN}; mass, com.x, com.y, com.z, inertia, spread.x, spread.y, spread.z:LINK of {links}{of_joints}{joints}"
             ))
@@ -148,6 +150,7 @@ impl Parameter {
                 let (most, unit) = if own.kind == JointKind::Prismatic { (0.1 * size, "m") } else { (0.3, "rad") };
                 (What::Zero(k), 0.0, -most, most, false, unit)
             }
+            "strength" => ratio(What::Strength(joint()?.0), 1.0, 1.5, "1"),
             // Up to what stops a tenth of mass times size squared within a fiftieth of a second.
             "joint-damping" => {
                 joint().map(|(k, j)| braked(What::JointDamping(k), j.damping, 5.0 * size * size * robot.mass(), "N m s/rad"))?

@@ -38,19 +38,21 @@ pub struct Subject {
     pub delay: f64,
     /// Positions of the joints where their sensors show 0 (rad or m).
     pub zeros: Vec<f64>,
+    /// Factors on the torques of the joints.
+    pub strength: Vec<f64>,
 }
 
 impl Subject {
     /// A robot as its files have it.
     pub fn new(system: &Arc<System>, scene: &str, engine: Engine) -> Result<Self, CalibrateError> {
-        let zeros = vec![0.0; system.robot.joint_count()];
-        Ok(Self { scene: system.scene(scene)?, system: system.clone(), engine, lag: 0.0, delay: 0.0, zeros })
+        let [zeros, strength] = [0.0, 1.0].map(|value| vec![value; system.robot.joint_count()]);
+        Ok(Self { scene: system.scene(scene)?, system: system.clone(), engine, lag: 0.0, delay: 0.0, zeros, strength })
     }
 
     /// The same with these values of the parameters.
     pub fn with(&self, parameters: &[Parameter], values: &[f64]) -> Result<Self, CalibrateError> {
         let (mut system, mut engine, mut lag) = ((*self.system).clone(), self.engine, self.lag);
-        let (mut delay, mut zeros) = (self.delay, self.zeros.clone());
+        let (mut delay, mut zeros, mut strength) = (self.delay, self.zeros.clone(), self.strength.clone());
         // Before everything that is in metres.
         for (_, &value) in parameters.iter().zip(values).filter(|(p, _)| p.what == What::Size) {
             system.robot.scale(value);
@@ -88,6 +90,7 @@ impl Subject {
                 What::Lag => lag = value,
                 What::Delay => delay = value,
                 What::Zero(joint) => zeros[joint] = value,
+                What::Strength(joint) => strength[joint] = value,
                 What::JointDamping(joint) => system.robot.joints_mut().nth(joint).into_iter().for_each(|j| j.damping = value),
                 What::Armature(joint) => system.robot.joints_mut().nth(joint).into_iter().for_each(|j| j.armature = value),
                 What::JointFriction(joint) => system.robot.joints_mut().nth(joint).into_iter().for_each(|j| j.friction = value),
@@ -110,13 +113,14 @@ impl Subject {
         let system = Arc::new(system);
         // A scene that was drawn is no scene of the robot's, and stays as it is.
         let scene = if self.scene.name == "random" { self.scene.clone() } else { system.scene(&self.scene.name)? };
-        Ok(Self { scene, system, engine, lag, delay, zeros })
+        Ok(Self { scene, system, engine, lag, delay, zeros, strength })
     }
 
-    /// What acts at a frame of torques, of which the ones before still do for a while.
+    /// What acts at a frame when these torques are asked for, of which the ones before still do for a while.
     pub fn late(&self, before: &[f64], now: &[f64]) -> Vec<f64> {
         let mut out = vec![0.0; now.len()];
         late(self.delay, &[now, before], &mut out);
+        out.iter_mut().zip(&self.strength).for_each(|(tau, factor)| *tau *= factor);
         out
     }
 

@@ -172,12 +172,12 @@ fn shown(subject: &Subject, id: u64, frames: usize) -> Vec<Trial> {
     log.trials(41, 40)
 }
 
-/// Torques that act late, a drive's inertia and its dry friction are found together with the zeros of sensors, which differ by trajectory.
+/// Torques that act late and not whole, a drive's inertia and its dry friction are found together with the zeros of sensors, which differ by trajectory.
 #[test]
 fn drives_and_sensors_are_found() {
     let nominal = swung();
-    let names = ["armature:elbow", "joint-friction:shoulder", "delay"];
-    let (shared, truth) = (parameters(&nominal.system, &names), [0.006, 0.05, 0.6]);
+    let names = ["armature:elbow", "joint-friction:shoulder", "delay", "strength:elbow"];
+    let (shared, truth) = (parameters(&nominal.system, &names), [0.006, 0.05, 0.6, 0.9]);
     let own = parameters(&nominal.system, &["zero:shoulder", "zero:elbow"]);
     let zeros = [[0.06, -0.03], [-0.05, 0.1], [0.02, 0.04]];
     let trials = zeros.iter().enumerate().flat_map(|(k, zeros)| {

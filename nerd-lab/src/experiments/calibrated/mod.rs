@@ -35,8 +35,8 @@ settings! {
         /// with the others, and of a judged trajectory to what is --before. Every trajectory is judged once then, by the other folds: the
         /// log's, or as many as there are --splits; over half as many, as many and twice as many frames as --frames
         own: Vec<String> = Vec::new(), Texts;
-        /// With --own: those of --parameters, comma-separated, that a trajectory may have of its own near what all share. How near is chosen
-        /// within the folds that were learned from
+        /// With --own: parameters, comma-separated, that a trajectory may have of its own near what all share, or near the robot as described if
+        /// they are none of --parameters. How near is chosen within the folds that were learned from
         held: Vec<String> = Vec::new(), Texts;
         /// With --own: frames of each trajectory before its first judged rollout
         before: usize = 0, Whole(0..=*FRAMES.end());

@@ -70,9 +70,9 @@ impl Calibration {
         let shared = described.fit_own([&parameters, &own], &self.others(log, out), self.config(1), &mut |_, _| ())?.shared;
         let of = |name: &String| match parameters.iter().zip(&shared.values).find(|(p, _)| p.name == *name) {
             Some((p, value)) => Ok(p.near(*value, 0.0)),
-            None => bail!("--held {name}: what is held near what all share is fitted to all, too; name it in --parameters"),
+            None => Parameter::named(&log.system, name),
         };
-        let held = self.held.iter().map(of).collect::<Result<_>>()?;
+        let held = self.held.iter().map(of).collect::<std::result::Result<_, _>>()?;
         Ok(Learned { log, shared: described.with(&parameters, &shared.values)?, own, held })
     }
 

@@ -26,13 +26,14 @@ pub fn calibrated(pieces: &Pieces, evaluations: usize) -> Result<Option<Pieces>>
             lag: 0.0,
             delay: 0.0,
             zeros: vec![0.0; system.robot.joint_count()],
+            strength: vec![1.0; system.robot.joint_count()],
             system,
         };
         let config = FitConfig { evaluations, ..FitConfig::default() };
         let fit = subject.fit(&parameters, &trials(pieces, k), config, &mut |_, _| ())?;
         let own = subject.with(&parameters, &fit.values)?;
         let mut known = (*own.system).clone();
-        known.motors = Motors { delay: own.delay, zeros: own.zeros, ..Motors::default() };
+        known.motors = Motors { delay: own.delay, zeros: own.zeros, strength: own.strength, ..Motors::default() };
         Ok(Arc::new(known))
     };
     let systems = (0..pieces.count()).into_par_iter().map(fitted).collect::<Result<_, _>>()?;
