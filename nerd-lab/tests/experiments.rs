@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use nerd_lab::experiments::calibrated::{CalibratedAll, Calibration};
+use nerd_lab::experiments::calibrated::{CalibratedAll, Calibration, Runs};
 use nerd_lab::experiments::motions::{MotionErrors, Motions, Row as MotionRow};
 use nerd_lab::experiments::passive::{Case, Passive, Protocol, Row, Rows, unworthy};
 use nerd_lab::experiments::plans::Plans;
@@ -127,6 +127,36 @@ fn tosses_that_nothing_was_fitted_to_are_predicted_better() {
     }
     let text: String = measured.tables.iter().map(|table| table.markdown()).collect();
     assert!(["no motion", "articulated implicit x4, calibrated", "com.z (m)"].iter().all(|word| text.contains(word)), "{text}");
+}
+
+/// Five runs of a real double pendulum, whose encoders are set to zero by hand.
+#[test]
+fn what_a_run_has_of_its_own_is_told_by_its_first_frames() {
+    let mut settings = Calibration::default();
+    settings.log = vec![Path::new(env!("CARGO_MANIFEST_DIR")).join("../nerd-sim/assets/logs/double-pendulum.log.toml")];
+    let names = |all: &[&str]| all.iter().map(|name| name.to_string()).collect::<Vec<_>>();
+    settings.own = names(&["zero:shoulder", "zero:elbow"]);
+    let reason = refusal(settings.measure().map(drop));
+    assert!(reason.contains("--own, --held and --before belong together"), "{reason}");
+    settings.parameters =
+        names(&["com.z:upper", "com.z:lower", "inertia:upper", "joint-friction:shoulder", "joint-friction:elbow", "delay"]);
+    settings.held = names(&["joint-friction:elbow", "strength:elbow"]);
+    (settings.before, settings.frames, settings.every, settings.splits) = (300, 60, 60, 2);
+    let reason = refusal(settings.measure().map(drop));
+    assert!(reason.contains("too few folds"), "{reason}");
+    (settings.splits, settings.evaluations, settings.trials) = (3, 80, 40);
+    let measured = settings.measure().expect("a calibration");
+    let found: Runs = serde_json::from_value(measured.data.into()).expect("its data");
+    let mut ids: Vec<u64> = found.judged.iter().map(|run| run.id).collect();
+    ids.sort_unstable();
+    assert_eq!((ids, found.lengths.clone(), found.weights.len()), (vec![10, 11, 12, 13, 17], vec![30, 60, 120], 3), "each once");
+    let error = |method: usize, length: usize| found.judged.iter().map(|run| run.errors[method][length]).sum::<f64>() / 5.0;
+    let all: Vec<f64> = (0..6).map(|method| error(method, 1)).collect();
+    println!("{all:.4?}, weights {:?}", found.weights);
+    assert!(all[2] < 0.3 * all[0] && all[3] < 0.7 * all[2] && all[4] < 0.7 * all[2] && all[5] < 0.7 * all[2], "{all:?}");
+    assert!((0..6).all(|method| error(method, 0) < error(method, 2)), "long rollouts err more");
+    let text: String = measured.tables.iter().map(|table| table.markdown()).collect();
+    assert!(text.contains("calibrated, with its own zero:shoulder, zero:elbow") && text.contains("held near what all share"), "{text}");
 }
 
 /// rapier has no dry friction: it is left out, and what races goes on.

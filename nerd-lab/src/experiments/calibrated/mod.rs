@@ -8,6 +8,7 @@ use crate::prelude::*;
 use crate::roll::refusal;
 use nerd_sim::calibrate::{Engine, Fit, FitConfig, Parameter, Subject, Trial, mean, thinned};
 use nerd_sim::log::{Log, Published, specified, tables};
+pub use runs::{Judged, Runs};
 use split::{Parts, Scored, Split};
 
 /// Places of a profile, and rollouts behind each.
