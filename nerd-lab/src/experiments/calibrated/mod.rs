@@ -19,6 +19,7 @@ settings! {
     /// Analytic solvers calibrated to measured trajectories.
     pub struct Calibration {
         /// TOML that describes the measurements; see `nerd_sim::log`. With --own several, comma-separated, each calibrated for itself
+        /// [default: nerd-sim/assets/logs/cube.log.toml]
         log: Vec<PathBuf> = vec!["nerd-sim/assets/logs/cube.log.toml".into()], Texts;
         /// Their table, or a folder of tables [default: what the TOML names]
         data: Option<PathBuf> = None, Text;
