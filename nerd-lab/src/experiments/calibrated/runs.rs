@@ -145,6 +145,7 @@ impl Calibration {
                 "--own, --held and --before belong together: what a trajectory has of its own is fitted to the frames before its rollouts"
             );
         }
+        bounds::once("--own and --held", &[&self.own[..], &self.held].concat())?;
         let logs = self.log.iter().map(|path| Log::read(path, self.data.as_deref())).collect::<std::result::Result<Vec<_>, _>>()?;
         let notes: Vec<String> = logs.iter().flat_map(|log| log.notes.clone()).collect();
         notes.iter().for_each(|note| tell!("{note}"));
