@@ -196,10 +196,15 @@ fn able<'a, T>(solvers: &'a [impl AsRef<str>], of: impl Fn(&'a str) -> Result<T>
     }
 }
 
+/// The first word of a file's name.
+fn stem(path: &Path) -> String {
+    path.file_name().map(|n| n.to_string_lossy().split('.').next().unwrap_or_default().to_string()).unwrap_or_default()
+}
+
 impl Experiment for Calibration {
     fn about(&self) -> Result<About> {
         let Some(first) = self.log.first() else { bail!("--log: name the TOML of a log") };
-        let name = if self.name.is_empty() { format!("calibrate-{}", runs::stem(first)) } else { self.name.clone() };
+        let name = if self.name.is_empty() { format!("calibrate-{}", stem(first)) } else { self.name.clone() };
         let (mut inputs, mut files) = (Inputs::default(), Vec::new());
         for log in &self.log {
             let (spec, system) = specified(log)?;

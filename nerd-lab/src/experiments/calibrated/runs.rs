@@ -5,7 +5,7 @@ use nerd_sim::calibrate::{FitConfig, Parameter, Subject, Trial, distance};
 use nerd_sim::log::Log;
 use rand::RngExt;
 
-use super::{Calibration, tables::listed};
+use super::{Calibration, stem, tables::listed};
 use crate::prelude::*;
 
 /// Costs of leaving what all share, in rad (or m) for the whole way between the bounds: one of these is chosen within the learned folds.
@@ -145,6 +145,10 @@ impl Calibration {
                 "--own, --held and --before belong together: what a trajectory has of its own is fitted to the frames before its rollouts"
             );
         }
+        let usual = Calibration::default();
+        if self.solvers != usual.solvers && self.solvers != ["articulated"] || (&self.by, self.train) != (&usual.by, usual.train) {
+            bail!("--own: `articulated` is fitted by slopes, and every run is judged; --solvers, --by and --train say nothing of that");
+        }
         bounds::once("--own and --held", &[&self.own[..], &self.held].concat())?;
         let logs = self.log.iter().map(|path| Log::read(path, self.data.as_deref())).collect::<std::result::Result<Vec<_>, _>>()?;
         let notes: Vec<String> = logs.iter().flat_map(|log| log.notes.clone()).collect();
@@ -213,11 +217,6 @@ fn ids(log: &Log) -> Vec<u64> {
     let mut all: Vec<u64> = log.trajectories.iter().map(|t| t.id).collect();
     all.dedup();
     all
-}
-
-/// A log's name: its file's up to the first point.
-pub(super) fn stem(path: &Path) -> String {
-    path.file_name().map(|n| n.to_string_lossy().split('.').next().unwrap_or_default().to_string()).unwrap_or_default()
 }
 
 impl Runs {
