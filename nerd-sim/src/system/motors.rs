@@ -1,4 +1,4 @@
-//! What stands between a robot's links and who drives it: motors and sensors. [`crate::rig`] steps it.
+//! Motors and sensors, between a robot's links and its controller. [`crate::rig`] steps them.
 
 /// Frames by which torques may act late.
 pub(crate) const LATEST: f64 = 2.0;
@@ -35,7 +35,7 @@ impl Motors {
     }
 }
 
-/// The mean over a frame of torques that come `delay` frames late: of those asked for now, a frame ago and so on, the last of which stands
+/// The mean over a frame of torques that come `delay` frames late: of those asked for now, a frame ago and so on, the last of which counts
 /// for all before.
 pub(crate) fn late(delay: f64, asked: &[&[f64]], out: &mut [f64]) {
     let (whole, last) = (delay as usize, asked.len() - 1);

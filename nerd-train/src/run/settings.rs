@@ -17,7 +17,7 @@ settings! {
         base: Base = Base::State, Words(&["state", "trapezoid"]);
         /// What tokens hold: own (the paper), or moving: also velocities and nearness of contact points, and angles without a seam
         view: View = View::Own, Words(&["own", "moving"]);
-        /// Tokens end with what was drawn of their robot: its masses, motors and so on, of a robot with [vary]. Without it a network
+        /// Tokens end with what was drawn of their robot: its masses, motors and so on, of a robot with `[vary]`. Without it a network
         /// has to guess them from the frames that it sees
         told: bool = false, Flag;
         /// What moves: nerd, a whole robot, or chain, for cables: rod by rod, through many frames

@@ -16,7 +16,7 @@ settings! {
     pub struct Family {
         /// Name of the result
         name: String = "family".into(), Text;
-        /// The family: a robot with [vary]
+        /// The family: a robot with `[vary]`
         robot: String = "pendulum-family".into(), Text;
         /// Folders of models of it, or of the robot that it is like, comma-separated
         models: Vec<PathBuf> = Vec::new(), Texts;
