@@ -9,7 +9,8 @@
 //! let batch = vary::batch(&system, "free", 8, 0)?;
 //! let solver = Rig::new(Articulated::new(ArticulatedConfig::accurate(&system)));
 //! let mut simulation = Simulation::new(batch, solver);
-//! simulation.step(&[100.0; 16])?;
+//! // Some act in the first frame, all in the third.
+//! (0..3).try_for_each(|_| simulation.step(&[100.0; 16]))?;
 //! assert!(simulation.batch.state(0) != simulation.batch.state(1));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
