@@ -23,7 +23,12 @@ pub(super) const BUILT_IN: [(&str, &str, &str); 12] = built_in! {
 };
 
 /// The same of robots with a `[vary]`: each a family of robots.
-pub(super) const FAMILIES: [(&str, &str, &str); 1] = built_in! { "pendulum-family", "pendulum"; };
+pub(super) const FAMILIES: [(&str, &str, &str); 4] = built_in! {
+    "pendulum-family", "pendulum";
+    "franka-family", "franka";
+    "ant-family", "ant";
+    "anymal-family", "anymal";
+};
 
 /// Name and text of the cables that come with the crate.
 pub(super) const CABLES: [(&str, &str); 2] =
