@@ -18,8 +18,7 @@
 use nerd_core::state::wrap_state;
 
 use crate::internal::*;
-use crate::system::motors::LATEST;
-pub use crate::system::motors::Motors;
+pub use crate::system::motors::{LATEST, Motors};
 
 /// Frames of torques that are remembered, that of now with them.
 const FRAMES: usize = LATEST as usize + 1;

@@ -81,9 +81,9 @@ impl Subject {
                 s.set_column(k, &(DVector::from_vec(apart) / (2.0 * SIDE)));
             }
             let share = 1.0 / trial.measured.len() as f64;
-            let earlier = [&trial.earlier].into_iter().chain(&trial.torques);
-            for ((torques, before), measured) in trial.torques.iter().zip(earlier).zip(&trial.measured[1..]) {
-                let acting = own.late(before, torques);
+            for (frame, measured) in trial.measured[1..].iter().enumerate() {
+                let asked = trial.asked(frame);
+                let acting = own.late(&asked);
                 let slopes = match solver.back_by_numbers(batch, &acting, rows, &identity) {
                     Ok(found) => found,
                     Err(StepError::Refused(_)) => return None,
@@ -92,13 +92,15 @@ impl Subject {
                 };
                 s = DMatrix::from_row_slice(rows, rows, &slopes.states) * s
                     + DMatrix::from_row_slice(rows, by.nrows(), &slopes.numbers) * &by;
-                let by_torques = DMatrix::from_row_slice(rows, torques.len(), &slopes.torques);
+                let by_torques = DMatrix::from_row_slice(rows, acting.len(), &slopes.torques);
                 for (k, parameter) in parameters.iter().enumerate() {
                     let change = match parameter.what {
                         What::Delay => {
-                            let later =
-                                before.iter().zip(torques).zip(&own.strength).map(|((before, now), factor)| (before - now) * factor);
-                            &by_torques * DVector::from_iterator(torques.len(), later)
+                            // Between two frames, or at one on the side of a smaller delay.
+                            let last = (own.delay.ceil() as usize).clamp(1, asked.len() - 1);
+                            let ways = asked[last].iter().zip(asked[last - 1]).zip(&own.strength);
+                            let later = ways.map(|((before, now), factor)| (before - now) * factor);
+                            &by_torques * DVector::from_iterator(acting.len(), later)
                         }
                         What::Strength(joint) => by_torques.column(joint) * (acting[joint] / own.strength[joint]),
                         _ => continue,

@@ -34,7 +34,7 @@ pub struct Subject {
     pub engine: Engine,
     /// Frames by which measured velocities are older than their poses.
     pub lag: f64,
-    /// Share of a frame by which torques act late.
+    /// Frames by which torques act late, from 0 to 2.
     pub delay: f64,
     /// Positions of the joints where their sensors show 0 (rad or m).
     pub zeros: Vec<f64>,
@@ -116,10 +116,10 @@ impl Subject {
         Ok(Self { scene, system, engine, lag, delay, zeros, strength })
     }
 
-    /// What acts at a frame when these torques are asked for, of which the ones before still do for a while.
-    pub fn late(&self, before: &[f64], now: &[f64]) -> Vec<f64> {
-        let mut out = vec![0.0; now.len()];
-        late(self.delay, &[now, before], &mut out);
+    /// What acts at a frame when torques were asked for, the newest first, of which those before still do for a while.
+    pub fn late(&self, asked: &[&[f64]; 3]) -> Vec<f64> {
+        let mut out = vec![0.0; asked[0].len()];
+        late(self.delay, asked, &mut out);
         out.iter_mut().zip(&self.strength).for_each(|(tau, factor)| *tau *= factor);
         out
     }

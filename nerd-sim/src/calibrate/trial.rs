@@ -19,8 +19,8 @@ pub struct Trial {
     pub measured: Vec<Vec<f64>>,
     /// Torques held over each frame.
     pub torques: Vec<Vec<f64>>,
-    /// And over the one before, if it is known, or else the first.
-    pub earlier: Vec<f64>,
+    /// And over those before, the newest first; the first of all where they are not known.
+    pub earlier: [Vec<f64>; 2],
 }
 
 /// How far a rollout is from its measurement: means over its frames.
@@ -44,6 +44,12 @@ impl Distance {
 }
 
 impl Trial {
+    /// Torques asked for at a frame, and in those before, the newest first.
+    pub(super) fn asked(&self, frame: usize) -> [&[f64]; 3] {
+        std::array::from_fn(|back| frame.checked_sub(back).map_or_else(|| &self.earlier[back - frame - 1], |frame| &self.torques[frame]))
+            .map(Vec::as_slice)
+    }
+
     /// Its first frames, a share of all.
     pub(super) fn begun(&self, share: f64) -> Self {
         let n = ((share * self.measured.len() as f64).ceil() as usize).clamp(2.min(self.measured.len()), self.measured.len());
@@ -61,7 +67,7 @@ impl Log {
             start: t.states[first].clone(),
             measured: t.states[first..first + length].iter().map(|s| s[..nq].to_vec()).collect(),
             torques: t.torques[first..first + length - 1].to_vec(),
-            earlier: t.torques[first.saturating_sub(1)].clone(),
+            earlier: [1, 2].map(|back| t.torques[first.saturating_sub(back)].clone()),
         };
         let pieces = |t: &Trajectory| match length {
             0 => vec![cut(t, 0, t.states.len())],
@@ -88,8 +94,8 @@ impl Subject {
                 pose
             };
             let mut motion = vec![shown(batch)];
-            for (torques, before) in trial.torques.iter().zip([&trial.earlier].into_iter().chain(&trial.torques)) {
-                if let Some(error) = if lost { None } else { solver.step(batch, &self.late(before, torques)).err() } {
+            for frame in 0..trial.torques.len() {
+                if let Some(error) = if lost { None } else { solver.step(batch, &self.late(&trial.asked(frame))).err() } {
                     lost = true;
                     first = first.or(Some(error).filter(|_| motion.len() == 1));
                 }

@@ -1,7 +1,7 @@
 //! Motors and sensors, between a robot's links and its controller. [`crate::rig`] steps them.
 
 /// Frames by which torques may act late.
-pub(crate) const LATEST: f64 = 2.0;
+pub const LATEST: f64 = 2.0;
 /// Waves of the ripple in a turn, or over a metre.
 pub(crate) const WAVES: f64 = 6.0;
 

@@ -61,7 +61,7 @@ fn twice_the_size_under_twice_the_gravity_moves_alike() {
     let large = own.with(&parameters(&system, &["size", "gravity"]), &[2.0, 2.0 * g]).expect("values");
     let start = vec![0.3, -0.7, 0.5, 1.0];
     let torques = vec![vec![0.0; 2]; 60];
-    let trial = Trial { id: 0, first: 0, measured: vec![start[..2].to_vec(); 61], start, torques, earlier: vec![0.0; 2] };
+    let trial = Trial { id: 0, first: 0, measured: vec![start[..2].to_vec(); 61], start, torques, earlier: [vec![0.0; 2], vec![0.0; 2]] };
     let last = |s: &Subject| s.roll(std::slice::from_ref(&trial)).expect("a rollout")[0][60].clone();
     let (a, b) = (last(&own), last(&large));
     let off = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
@@ -133,7 +133,7 @@ fn what_a_solver_refuses_is_an_error() {
     let system = Arc::new(System::from_text("elbow", &urdf, Some(include_str!("../../assets/logs/elbow.toml"))).expect("an elbow"));
     let state = system.default_state();
     let torques = vec![vec![0.0]; 2];
-    let trial = Trial { id: 0, first: 0, measured: vec![state[..8].to_vec(); 3], torques, start: state, earlier: vec![0.0] };
+    let trial = Trial { id: 0, first: 0, measured: vec![state[..8].to_vec(); 3], torques, start: state, earlier: [vec![0.0], vec![0.0]] };
     let subject = Subject::new(&system, "ground", Engine::Rapier(RapierConfig::default())).expect("a table");
     let said = line(subject.distances(&[trial]));
     assert!(said.contains("friction"), "{said}");
@@ -156,7 +156,8 @@ fn shown(subject: &Subject, id: u64, frames: usize) -> Vec<Trial> {
     batch.reset(0, &[0.2 * id as f64, -0.3, 0.0, 0.0]);
     let mut states = vec![batch.state(0).to_vec()];
     for k in 0..frames {
-        solver.step(&mut batch, &subject.late(&torques[k.saturating_sub(1)], &torques[k])).expect("a step");
+        let asked = [0, 1, 2].map(|back: usize| &torques[k.saturating_sub(back)][..]);
+        solver.step(&mut batch, &subject.late(&asked)).expect("a step");
         states.push(batch.state(0).to_vec());
     }
     states.iter_mut().for_each(|state| subject.shift(&mut state[..2], -1.0));
@@ -170,6 +171,19 @@ fn shown(subject: &Subject, id: u64, frames: usize) -> Vec<Trial> {
         published: vec![],
     };
     log.trials(41, 40)
+}
+
+/// However late torques act: less than a frame, a frame, more, or as late as they may.
+#[test]
+fn a_delay_is_found_over_two_frames() {
+    let (nominal, config) = (swung(), FitConfig { evaluations: 200, ..FitConfig::default() });
+    let mut delay = parameters(&nominal.system, &["delay"]);
+    delay[0].high = nerd_sim::rig::LATEST;
+    for truth in [0.3, 1.0, 1.6, 2.0] {
+        let made = nominal.with(&delay, &[truth]).expect("a value");
+        let fit = nominal.fit(&delay, &shown(&made, 0, 400), config, &mut |_, _| ()).expect("a fit");
+        assert!((fit.values[0] - truth).abs() < 0.02, "{} frames, {truth} made the measurements", fit.values[0]);
+    }
 }
 
 /// Torques that act late and not whole, a drive's inertia and its dry friction are found together with the zeros of sensors, which differ by trajectory.

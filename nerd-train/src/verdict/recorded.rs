@@ -60,7 +60,7 @@ fn seen(pieces: &Pieces, subject: &Subject) -> Pieces {
     let (d, nq) = (subject.system.robot.state_dim(), subject.system.robot.nq());
     let mut states = pieces.states[pieces.before..].to_vec();
     states.iter_mut().flat_map(|frame| frame.chunks_exact_mut(d)).for_each(|state| subject.shift(&mut state[..nq], 1.0));
-    let late = |frame: usize| subject.late(&pieces.torques[frame.saturating_sub(1)], &pieces.torques[frame]);
+    let late = |frame: usize| subject.late(&[0, 1, 2].map(|back| &pieces.torques[frame.saturating_sub(back)][..]));
     let torques = (pieces.before..pieces.torques.len()).map(late).collect();
     Pieces {
         system: subject.system.clone(),

@@ -1,7 +1,7 @@
 //! `articulated` calibrated on each robot of a family by itself, on the frames that models are shown of it.
 
 use nerd_sim::calibrate::{CalibrateError, Engine, FitConfig, Parameter, Subject, Trial};
-use nerd_sim::rig::Motors;
+use nerd_sim::rig::{LATEST, Motors};
 use nerd_train::evaluate::Pieces;
 use rayon::prelude::*;
 
@@ -10,8 +10,8 @@ use crate::prelude::*;
 /// Frames of a rollout that is fitted: over more, motions that are not known yet go elsewhere.
 const LENGTH: usize = 30;
 
-/// Pieces as a solver has them that was calibrated on what is shown of each robot: its masses, centres, brakes, zeros, and torques that are late
-/// by up to a frame. None where nothing is shown.
+/// Pieces as a solver has them that was calibrated on what is shown of each robot: its masses, centres, brakes, motors, zeros, and torques that
+/// are late. None where nothing is shown.
 pub fn calibrated(pieces: &Pieces, evaluations: usize) -> Result<Option<Pieces>> {
     if pieces.before == 0 {
         return Ok(None);
@@ -44,10 +44,16 @@ pub fn calibrated(pieces: &Pieces, evaluations: usize) -> Result<Option<Pieces>>
 fn parameters(system: &System) -> Result<Vec<Parameter>, CalibrateError> {
     let links = system.robot.links.iter().filter(|link| link.inertia.mass > 0.0);
     let links = links.flat_map(|link| ["mass", "com.x", "com.y", "com.z"].map(|what| format!("{what}:{}", link.name)));
-    let brakes = system.robot.joints().flat_map(|joint| ["joint-damping", "joint-friction"].map(|what| format!("{what}:{}", joint.name)));
+    let brakes = system
+        .robot
+        .joints()
+        .flat_map(|joint| ["joint-damping", "joint-friction", "strength"].map(|what| format!("{what}:{}", joint.name)));
     let names: Vec<String> = links.chain(brakes).collect();
     let named = names.iter().map(|name| Parameter::named(system, name)).collect::<Result<Vec<_>, _>>()?;
-    Ok([named, Parameter::driven(system)?].concat())
+    let mut driven = Parameter::driven(system)?;
+    // As late as any robot's.
+    driven.iter_mut().filter(|p| p.name == "delay").for_each(|p| p.high = LATEST);
+    Ok([named, driven].concat())
 }
 
 /// What is shown of the k-th robot, in rollouts side by side.
@@ -63,7 +69,7 @@ fn trials(pieces: &Pieces, k: usize) -> Vec<Trial> {
             start: state(first).to_vec(),
             measured: (first..=end).map(|frame| state(frame)[..nq].to_vec()).collect(),
             torques: (first..end).map(torques).collect(),
-            earlier: torques(first.saturating_sub(1)),
+            earlier: [1, 2].map(|back| torques(first.saturating_sub(back))),
         }
     };
     (0..pieces.before).step_by(LENGTH).map(trial).collect()
