@@ -1,14 +1,21 @@
-"""Records MuJoCo into trajectories that NeRD learns from: `python record.py ant.xml out/ant` (needs `pip install mujoco`).
+"""Records MuJoCo into trajectories that NeRD learns from (needs `pip install mujoco`):
 
-Writes robot.urdf, robot.toml (what a URDF cannot say), data/*.csv (an episode each) and log.toml (which column is what). Controls are random
-and held for a few frames. Hinges and slides, one free body at most, a plane as ground; spheres, capsules, cylinders and boxes touch.
+    python record.py ant.xml out/ant
+    python record.py ant.xml out/ant-half --replay out/ant --substeps 10
+
+The first writes robot.urdf, robot.toml (what a URDF cannot say), log.npz and log.toml (which array is what). Controls are random and held for a
+few frames. The second plays starts and torques of what is held out again, in steps of another size. Hinges and slides, one free body at most,
+a plane as ground; spheres, capsules, cylinders and boxes touch it.
 """
 
 import argparse
-import csv
+import os
 import pathlib
+import time
+import tomllib
 
 import mujoco
+import mujoco.rollout
 import numpy as np
 
 FREE, BALL, SLIDE, HINGE = range(4)
@@ -42,6 +49,21 @@ def shape(m, g):
     return f'<{kind} radius="{size[0]:.9g}"' + ("/>" if kind == "sphere" else f' length="{2 * size[1]:.9g}"/>')
 
 
+def model(path, torque):
+    """The model with a sensor of the actuators' torque at every joint; with a motor at each if it has none."""
+    spec = mujoco.MjSpec.from_file(str(path))
+    joints = [j for j in spec.joints if j.type in (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)]
+    for k, joint in enumerate(joints):
+        joint.name = joint.name or f"joint{k}"
+        if not spec.actuators:
+            motor = {"name": f"motor_{joint.name}", "target": joint.name, "trntype": mujoco.mjtTrn.mjTRN_JOINT}
+            spec.add_actuator(ctrllimited=True, ctrlrange=[-torque, torque], **motor)
+    for joint in joints:
+        kind = {"type": mujoco.mjtSensor.mjSENS_JOINTACTFRC, "objtype": mujoco.mjtObj.mjOBJ_JOINT}
+        spec.add_sensor(name=f"torque of {joint.name}", objname=joint.name, **kind)
+    return spec.compile()
+
+
 def robot(m, frame_time):
     """The robot as URDF and TOML, its joints in the order of the links, whether it is free, and whether there is a ground."""
     name = lambda kind, i: mujoco.mj_id2name(m, getattr(mujoco.mjtObj, f"mjOBJ_{kind}"), i) or f"{kind.lower()}{i}"
@@ -59,7 +81,12 @@ def robot(m, frame_time):
         moving = [j for j in range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b]) if m.jnt_type[j] != FREE]
         for k, j in enumerate(moving):
             here, dof, last = m.jnt_pos[j], m.jnt_dofadr[j], j == moving[-1]
-            at = origin(place + matrix(quat) @ here, quat) if k == 0 else origin(here - anchor)
+            # A slide counts from where it is by its `ref`.
+            ref = m.qpos0[m.jnt_qposadr[j]]
+            if ref and m.jnt_type[j] == HINGE:
+                raise SystemExit(f"joint {name('JOINT', j)}: a hinge with `ref` cannot be recorded")
+            back = here - ref * m.jnt_axis[j]
+            at = origin(place + matrix(quat) @ back, quat) if k == 0 else origin(back - anchor)
             below = body if last else f"{body}_{k}"
             kind = "prismatic" if m.jnt_type[j] == SLIDE else "revolute" if m.jnt_limited[j] else "continuous"
             low, high = m.jnt_range[j] if m.jnt_limited[j] else (-1e3, 1e3)
@@ -89,56 +116,97 @@ def robot(m, frame_time):
         links.append(f'<link name="{body}">{solid}</link>')
     urdf = '<robot name="recorded">\n' + "\n".join(links + joints) + "\n</robot>\n"
     planes = [g for g in range(m.ngeom) if m.geom_bodyid[g] == 0 and m.geom_type[g] == mujoco.mjtGeom.mjGEOM_PLANE]
-    head = f'like = "urdf"\nfloating = {str(bool(free)).lower()}\nframe_time = {frame_time}\ngravity = {m.opt.gravity.tolist()}\n'
+    head = f'like = "urdf"\nfloating = {str(bool(free)).lower()}\nframe_time = {frame_time}\nsubsteps = {max(1, round(480 * frame_time))}\ngravity = {m.opt.gravity.tolist()}\n'
     own += [f'[[scene]]\nname = "ground"\nplane = {{ height = {m.geom_pos[g][2]}, angles = [0.0, 0.0, 0.0] }}\n' for g in planes[:1]]
     return urdf, head + "".join(own), order, [name("JOINT", j) for j in order], bool(free), bool(planes)
+
+
+def roll(m, states, controls, substeps, threads, kind=mujoco.mjtState.mjSTATE_CTRL):
+    """States [n, frames + 1, 1 + nq + nv] and mean torques of the actuators [n, frames, joints] from starts under the controls of each frame,
+    which of them MuJoCo did not give up, and the seconds that all took."""
+    data, n, frames = [mujoco.MjData(m) for _ in range(threads)], len(states), controls.shape[1]
+    states, torques, fine, seconds = [states[:, None]], [], np.ones(n, bool), 0.0
+    out = np.empty((n, frames + 1, states[0].shape[-1]))
+    out[:, :1], torques = states[0], np.empty((n, frames, m.nsensor))
+    for some in np.array_split(np.arange(n), -(-n // 200)):
+        begun = time.perf_counter()
+        steps = np.repeat(controls[some], substeps, 1)
+        seen, felt = mujoco.rollout.rollout(m, data, out[some, 0], steps, control_spec=int(kind))
+        seconds += time.perf_counter() - begun
+        out[some, 1:], torques[some] = seen[:, substeps - 1 :: substeps], felt.reshape(len(some), frames, substeps, -1).mean(2)
+        # Where it blows up, MuJoCo begins anew at time 0.
+        fine[some] = np.isfinite(seen).all((1, 2)) & (np.diff(seen[:, :, 0]) > 0).all(1)
+    return out, torques, fine, seconds
 
 
 def main():
     ask = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     ask.add_argument("model", type=pathlib.Path, help="MJCF file")
     ask.add_argument("out", type=pathlib.Path, help="folder to write")
-    numbers = {"episodes": (100, ""), "frames": (200, "of an episode"), "skip": (5, "steps of MuJoCo in a frame"), "seed": (0, "")}
-    numbers["hold"] = (8, "most frames for which a control is held")
+    ask.add_argument("--replay", type=pathlib.Path, help="folder recorded before, of which every fifth trajectory is played again, as it is held out")
+    numbers = {"trajectories": (100, ""), "frames": (200, "of a trajectory; of one played again 100"), "substeps": (5, "steps of MuJoCo in a frame")}
+    numbers |= {"hold": (8, "most frames for which a control is held"), "seed": (0, ""), "threads": (os.cpu_count(), "")}
+    numbers["first"] = (20, "frame that those played again begin at, and each so many frames on as they have")
     for option, (default, help) in numbers.items():
         ask.add_argument(f"--{option}", type=int, default=default, help=help)
+    ask.add_argument("--torque", type=float, default=1.0, help="largest, where the model has no actuators")
     asked = ask.parse_args()
-    m = mujoco.MjModel.from_xml_path(str(asked.model))
-    d, rng, frame_time = mujoco.MjData(m), np.random.default_rng(asked.seed), asked.skip * m.opt.timestep
+    m, rng = model(asked.model, asked.torque), np.random.default_rng(asked.seed)
+    frame_time = asked.substeps * m.opt.timestep
+    if asked.replay:
+        frame_time = tomllib.loads((asked.replay / "robot.toml").read_text())["frame_time"]
+        m.opt.timestep = frame_time / asked.substeps
     urdf, toml, order, names, free, ground = robot(m, frame_time)
-    log = f'file = "data"\nrobot = "robot.urdf"\nscene = "{"ground" if ground else "free"}"\ntime = "t"\n'
+    q, v, limited, d = m.jnt_qposadr[order], m.jnt_dofadr[order], m.jnt_limited[order].astype(bool), mujoco.MjData(m)
+    if asked.replay:
+        if (m.actuator_gaintype != 0).any() or (m.actuator_biastype != 0).any() or (m.actuator_dyntype != 0).any():
+            raise SystemExit("only torques of motors, which do not depend on the state, can be played again")
+        log = np.load(asked.replay / "log.npz")
+        frames = min(asked.frames, 100)
+        held = log["qpos"][4::5], log["qvel"][4::5], log["torque"][4::5]
+        starts = range(asked.first, held[0].shape[1] - frames, frames)
+        cut = lambda x, rows: np.concatenate([x[:, f : f + rows] for f in starts]).astype(float)
+        states = np.concatenate([np.zeros((len(held[0]) * len(starts), 1)), cut(held[0], 1)[:, 0], cut(held[1], 1)[:, 0]], 1)
+        controls = np.zeros((len(states), frames, m.nv))
+        controls[:, :, v] = cut(held[2], frames)
+        m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
+        kind = mujoco.mjtState.mjSTATE_QFRC_APPLIED
+    else:
+        n, kind = asked.trajectories, mujoco.mjtState.mjSTATE_CTRL
+        qpos = np.tile(d.qpos, (n, 1))
+        qpos[:, q] += rng.uniform(-0.1, 0.1, (n, len(q)))
+        qpos[:, q] = np.where(limited, np.clip(qpos[:, q], *m.jnt_range[order].T), qpos[:, q])
+        states = np.concatenate([np.zeros((n, 1)), qpos, rng.normal(0.0, 0.1, (n, m.nv))], 1)
+        low, high = np.where(m.actuator_ctrllimited[:, None], m.actuator_ctrlrange, [-1.0, 1.0]).T
+        # A control is drawn where the one before has been held for as long as was drawn for it.
+        controls, left = np.empty((n, asked.frames, m.nu)), np.zeros(n, int)
+        for frame in range(asked.frames):
+            new = (left == 0)[:, None]
+            controls[:, frame] = np.where(new, rng.uniform(low, high, (n, m.nu)), controls[:, frame - 1])
+            left = np.where(left == 0, rng.integers(1, asked.hold + 1, n), left) - 1
+    states, torques, fine, seconds = roll(m, states, controls, asked.substeps, asked.threads, kind)
+    rate = controls.shape[0] * controls.shape[1] / seconds
+    some = slice(0, 16)
+    alone = min(roll(m, states[some, 0], controls[some], asked.substeps, 1, kind)[3] for _ in range(3))
+    cost = 1e6 * alone / (len(states[some]) * controls.shape[1])
+    about = f"MuJoCo {mujoco.__version__}, {mujoco.mjtIntegrator(m.opt.integrator).name[6:]}, steps of {m.opt.timestep:.6g} s"
+    log = f'about = "{about}"\ncost = {cost:.4g}\nfile = "log.npz"\nrobot = "robot.urdf"\nscene = "{"ground" if ground else "free"}"\n'
+    columns = lambda name, first, many: str([f"{name}.{k}" for k in range(first, first + many)]).replace("'", '"')
     if free:
-        log += '[root]\nposition = ["px", "py", "pz"]\nquaternion = ["qw", "qx", "qy", "qz"]\norder = "wxyz"\n'
-        log += 'velocity = ["vx", "vy", "vz"]\nangular = ["wx", "wy", "wz"]\naxes = "body"\n'
-    for n in names:
-        log += f'[[joint]]\nname = "{n}"\nposition = "q_{n}"\nvelocity = "qd_{n}"\ntorque = "tau_{n}"\n'
-    (asked.out / "data").mkdir(parents=True, exist_ok=True)
+        log += f'[root]\nposition = {columns("qpos", 0, 3)}\nquaternion = {columns("qpos", 3, 4)}\norder = "wxyz"\n'
+        log += f'velocity = {columns("qvel", 0, 3)}\nangular = {columns("qvel", 3, 3)}\naxes = "body"\n'
+    for k, n in enumerate(names):
+        log += f'[[joint]]\nname = "{n}"\nposition = "qpos.{q[k]}"\nvelocity = "qvel.{v[k]}"\ntorque = "torque.{k}"\n'
+    torques = controls[:, :, v] if asked.replay else torques[:, :, [m.sensor(f"torque of {n}").id for n in names]]
+    # Nothing follows the last state.
+    torques = np.pad(torques, ((0, 0), (0, 1), (0, 0)), constant_values=np.nan)
+    asked.out.mkdir(parents=True, exist_ok=True)
     for file, content in [("robot.urdf", urdf), ("robot.toml", toml), ("log.toml", log)]:
         (asked.out / file).write_text(content)
-    q, v, limited = m.jnt_qposadr[order], m.jnt_dofadr[order], m.jnt_limited[order].astype(bool)
-    root = "px,py,pz,qw,qx,qy,qz,vx,vy,vz,wx,wy,wz".split(",") if free else []
-    header = ["t", *root, *(f"{what}_{n}" for what in ("q", "qd", "tau") for n in names)]
-    low, high = np.where(m.actuator_ctrllimited[:, None], m.actuator_ctrlrange, [-1.0, 1.0]).T
-    for episode in range(asked.episodes):
-        mujoco.mj_resetData(m, d)
-        start = d.qpos[q] + rng.uniform(-0.1, 0.1, len(order))
-        d.qpos[q] = np.where(limited, np.clip(start, *m.jnt_range[order].T), start)
-        d.qvel[:] = rng.normal(0.0, 0.1, m.nv)
-        with open(asked.out / "data" / f"{episode:05}.csv", "w", newline="") as file:
-            table, left = csv.writer(file), 0
-            table.writerow(header)
-            for frame in range(asked.frames + 1):
-                state = [frame * frame_time, *(d.qpos[:7] if free else []), *(d.qvel[:6] if free else []), *d.qpos[q], *d.qvel[v]]
-                torques = np.zeros(len(order))
-                if left == 0:
-                    d.ctrl[:], left = rng.uniform(low, high), int(rng.integers(1, asked.hold + 1))
-                left -= 1
-                for _ in range(asked.skip):
-                    mujoco.mj_step(m, d)
-                    torques += d.qfrc_actuator[v] / asked.skip
-                # Nothing follows the last state.
-                cells = [f"{x:.6g}" for x in torques] if frame < asked.frames else [""] * len(order)
-                table.writerow([*(f"{x:.9g}" for x in state), *cells])
+    arrays = {"qpos": states[:, :, 1 : 1 + m.nq], "qvel": states[:, :, 1 + m.nq : 1 + m.nq + m.nv], "torque": torques}
+    np.savez_compressed(asked.out / "log.npz", **{name: x[fine].astype(np.float32) for name, x in arrays.items()})
+    print(f"{about}: {fine.sum()} trajectories of {controls.shape[1]} frames", f"({(~fine).sum()} blew up)" if not fine.all() else "")
+    print(f"{rate:.0f} frames/s on {asked.threads} threads, {cost:.1f} us a frame on one")
 
 
 if __name__ == "__main__":

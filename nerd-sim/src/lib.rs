@@ -1,5 +1,7 @@
 #![doc = include_str!("../README.md")]
 
+#[cfg(feature = "csv")]
+mod arrays;
 pub mod articulated;
 pub mod batch;
 #[cfg(feature = "calibrate")]

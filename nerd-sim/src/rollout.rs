@@ -15,7 +15,7 @@
 //! ```
 
 use crate::internal::*;
-use crate::table::{Table, twice};
+use crate::table::{Place, Table, twice};
 
 /// Largest number of a step: at 1/60 s, four and a half hours.
 pub const FRAMES: usize = 1_000_000;
@@ -51,8 +51,8 @@ pub struct States {
 pub struct Trajectory {
     /// State `[q, qd]` of step 0.
     pub start: Vec<f64>,
-    /// By step its line and joint torques; the last row of a trajectory needs none.
-    steps: BTreeMap<usize, (u64, Option<Vec<f64>>)>,
+    /// By step its place and joint torques; the last row of a trajectory needs none.
+    steps: BTreeMap<usize, (Place, Option<Vec<f64>>)>,
 }
 
 impl Trajectory {
@@ -72,7 +72,7 @@ impl States {
             let (id, step) = (row.whole(columns.traj, u64::MAX)?, row.whole(columns.step, FRAMES as u64)? as usize);
             let trajectory = trajectories.entry(id).or_default();
             if let Some((first, _)) = trajectory.steps.get(&step) {
-                return Err(row.wrong(&format!(": trajectory {id} has step {step} already on line {first}")));
+                return Err(row.wrong(&format!(": trajectory {id} has step {step} already on {first}")));
             }
             if step == 0 {
                 trajectory.start = row.numbers(&columns.states)?;
@@ -80,9 +80,9 @@ impl States {
                     row.unit(&columns.states[3..7], &trajectory.start[3..7])?;
                 }
             }
-            let given = columns.torques.iter().any(|&c| !row.cell(c).is_empty());
+            let given = columns.torques.iter().any(|&c| !row.empty(c));
             let torques = given.then(|| row.numbers(&columns.torques)).transpose()?;
-            trajectory.steps.insert(step, (row.line, torques));
+            trajectory.steps.insert(step, (row.place, torques));
             Ok(())
         })?;
         if trajectories.is_empty() {

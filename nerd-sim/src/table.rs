@@ -1,10 +1,10 @@
-//! CSV files whose columns are found by name, in any order. Errors name file, line and column.
+//! Tables whose columns are found by name, in any order: CSV files, or arrays. Errors name file, row and column.
 
-use std::{collections::HashSet, fs::File, hash::Hash};
+use std::{collections::HashSet, fmt, fs::File, hash::Hash};
 
 use csv::StringRecord;
 
-use crate::internal::*;
+use crate::{arrays::Arrays, internal::*};
 
 /// How far a quaternion's length may be from 1: digits are cut in files.
 const UNIT: f64 = 1e-3;
@@ -12,14 +12,30 @@ const UNIT: f64 = 1e-3;
 pub(crate) struct Table {
     path: PathBuf,
     pub names: Vec<String>,
-    reader: csv::Reader<File>,
+    source: Source,
+}
+
+enum Source {
+    Csv(csv::Reader<File>),
+    Arrays(Arrays),
 }
 
 impl Table {
+    /// A CSV, or by its file's ending arrays, of which these are the columns.
+    pub fn of(path: &Path, wanted: &[&String]) -> Result<Self, FileError> {
+        if !Arrays::named(path) {
+            return Self::open(path);
+        }
+        let (names, source) = (wanted.iter().copied().cloned().collect(), Source::Arrays(Arrays::read(path, wanted)?));
+        Ok(Self { path: path.into(), names, source })
+    }
+
+    /// A CSV.
     pub fn open(path: &Path) -> Result<Self, FileError> {
         let mut reader = csv::Reader::from_path(path).map_err(|e| FileError::new(path, format!("cannot read it: {e}")))?;
         let header = reader.headers().map_err(|e| FileError::new(path, e))?;
-        Ok(Self { path: path.into(), names: header.iter().map(|name| name.trim().to_string()).collect(), reader })
+        let names = header.iter().map(|name| name.trim().to_string()).collect();
+        Ok(Self { path: path.into(), names, source: Source::Csv(reader) })
     }
 
     /// Positions of these columns.
@@ -34,30 +50,83 @@ impl Table {
 
     /// Hands every row to `take`.
     pub fn rows(&mut self, mut take: impl FnMut(&Row) -> Result<(), FileError>) -> Result<(), FileError> {
-        for record in self.reader.records() {
-            let record = record.map_err(|e| FileError::new(&self.path, e))?;
-            let line = record.position().map_or(0, csv::Position::line);
-            take(&Row { line, path: &self.path, names: &self.names, record: &record })?;
+        let (path, names) = (&self.path, &self.names);
+        match &mut self.source {
+            Source::Csv(reader) => reader.records().try_for_each(|record| {
+                let record = record.map_err(|e| FileError::new(path, e))?;
+                let place = Place { line: record.position().map_or(0, csv::Position::line), of: None };
+                take(&Row { place, path, names, cells: Cells::Text(&record) })
+            }),
+            Source::Arrays(arrays) => (0..arrays.rows()).try_for_each(|row| {
+                let (trajectory, line) = arrays.place(row);
+                take(&Row { place: Place { line, of: Some(trajectory) }, path, names, cells: Cells::Numbers(arrays, row) })
+            }),
         }
-        Ok(())
+    }
+}
+
+/// Where a row is in its file.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place {
+    /// Of a text the line, counted from 1; of arrays the row, as they count.
+    line: u64,
+    /// Of arrays the trajectory, where these are an axis.
+    of: Option<Option<u64>>,
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.of {
+            None => write!(f, "line {}", self.line),
+            Some(None) => write!(f, "row {}", self.line),
+            Some(Some(trajectory)) => write!(f, "trajectory {trajectory}, row {}", self.line),
+        }
     }
 }
 
 pub(crate) struct Row<'a> {
-    pub line: u64,
+    pub place: Place,
     path: &'a Path,
     names: &'a [String],
-    record: &'a StringRecord,
+    cells: Cells<'a>,
+}
+
+enum Cells<'a> {
+    Text(&'a StringRecord),
+    Numbers(&'a Arrays, usize),
 }
 
 impl Row<'_> {
-    pub fn cell(&self, column: usize) -> &str {
-        self.record.get(column).unwrap_or_default().trim()
+    fn cell(&self, column: usize) -> String {
+        match &self.cells {
+            Cells::Text(record) => record.get(column).unwrap_or_default().trim().into(),
+            Cells::Numbers(arrays, row) => arrays.number(column, *row).to_string(),
+        }
     }
 
-    /// An error of this row; `reason` goes on behind the number of the line.
+    fn number(&self, column: usize) -> Option<f64> {
+        match &self.cells {
+            Cells::Text(record) => record.get(column).unwrap_or_default().trim().parse().ok(),
+            Cells::Numbers(arrays, row) => Some(arrays.number(column, *row)),
+        }
+    }
+
+    /// Whether a cell has nothing in it, or in arrays NaN.
+    pub fn empty(&self, column: usize) -> bool {
+        match &self.cells {
+            Cells::Text(record) => record.get(column).is_none_or(|cell| cell.trim().is_empty()),
+            Cells::Numbers(arrays, row) => arrays.number(column, *row).is_nan(),
+        }
+    }
+
+    /// The trajectory of arrays that have an axis of them.
+    pub fn trajectory(&self) -> Option<u64> {
+        self.place.of.flatten()
+    }
+
+    /// An error of this row; `reason` goes on behind its place.
     pub fn wrong(&self, reason: &str) -> FileError {
-        FileError::new(self.path, format!("line {}{reason}", self.line))
+        FileError::new(self.path, format!("{}{reason}", self.place))
     }
 
     fn no(&self, column: usize, what: &str) -> FileError {
@@ -72,7 +141,7 @@ impl Row<'_> {
 
     /// Finite numbers.
     pub fn numbers(&self, columns: &[usize]) -> Result<Vec<f64>, FileError> {
-        let number = |&c: &usize| self.cell(c).parse().ok().filter(|x: &f64| x.is_finite()).ok_or_else(|| self.no(c, "finite number"));
+        let number = |&c: &usize| self.number(c).filter(|x| x.is_finite()).ok_or_else(|| self.no(c, "finite number"));
         columns.iter().map(number).collect()
     }
 

@@ -1,6 +1,8 @@
 //! Recorded motion as a truth: a log ([`nerd_sim::log`]) in three parts. Models learn from the first, the second chooses their weights,
 //! and nothing but a verdict sees the third.
 
+use std::collections::HashMap;
+
 use nerd_sim::calibrate::{CalibrateError, Engine, FitConfig, Parameter, Subject};
 use nerd_sim::log::{Log, LogError, Trajectory};
 use nerd_sim::truth::RECORDED;
@@ -13,6 +15,8 @@ part!(LogError, CalibrateError);
 /// Every so many-th trajectory is held out; and of the others, every so many-th chooses weights.
 const HELD_OUT: usize = 5;
 const CHOOSES: usize = 6;
+/// So many names of what is held out are on a card; of more, by the rule above, the rule is.
+const NAMED: usize = 100;
 /// Of the windows that there are, at most one in so many is lost to what is recorded in shorter pieces.
 const LOST: usize = 100;
 /// Rollouts that a calibration sees.
@@ -32,6 +36,8 @@ pub struct Measured {
     pub choosing: Vec<Trajectory>,
     /// What they are judged by.
     pub held_out: Vec<Trajectory>,
+    /// Whether nobody chose what is held out.
+    by_rule: bool,
 }
 
 impl Measured {
@@ -85,13 +91,13 @@ impl Measured {
             trajectory.states.iter().chain(&trajectory.torques).flatten().for_each(|x| hash.update(x.to_le_bytes()));
         }
         let sha256 = hash.finalize().iter().map(|b| format!("{b:02x}")).collect();
-        let all = log.trajectories.clone();
+        let (all, by_rule) = (log.trajectories.clone(), held_out.is_empty());
         let (rest, held_out) = match held_out {
             [] => parted(all, HELD_OUT),
             ids => all.into_iter().partition(|t| !ids.contains(&t.id)),
         };
         let (learned, choosing) = parted(rest, CHOOSES);
-        Self { truth: Self::name(path), log, sha256, learned, choosing, held_out }
+        Self { truth: Self::name(path), log, sha256, learned, choosing, held_out, by_rule }
     }
 
     /// Which trajectories are held out, in words.
@@ -100,6 +106,9 @@ impl Measured {
         ids.dedup();
         if self.learned.iter().any(|t| ids.contains(&t.id)) {
             return format!("the last 1/{HELD_OUT} of each trajectory");
+        }
+        if self.by_rule && ids.len() > NAMED {
+            return format!("every {HELD_OUT}th trajectory, {} in all", ids.len());
         }
         ids.iter().map(u64::to_string).collect::<Vec<_>>().join(", ")
     }
@@ -143,6 +152,11 @@ impl Measured {
             let longest = part.iter().map(self::frames).max().unwrap_or(0);
             refuse!("`{}`: no trajectory of its part has {length} frames, the longest {longest}; ask for fewer", self.truth);
         }
+        self.cut(part, &starts, [before, frames], most)
+    }
+
+    /// Pieces at most so many, from starts in a part by trajectory and frame.
+    fn cut(&self, part: &[Trajectory], starts: &[(usize, usize)], [before, frames]: [usize; 2], most: usize) -> Result<Pieces> {
         let starts: Vec<_> = starts.iter().step_by(starts.len().div_ceil(most.max(1))).collect();
         let rows = |of: &dyn Fn(&Trajectory, usize) -> Vec<f64>, count: usize| {
             (0..count)
@@ -154,9 +168,31 @@ impl Measured {
             systems: Vec::new(),
             scenes: vec![self.scene()?; starts.len()],
             before,
-            states: rows(&|t, k| t.states[k].clone(), length + 1),
-            torques: rows(&|t, k| t.torques[k].clone(), length),
+            states: rows(&|t, k| t.states[k].clone(), before + frames + 1),
+            torques: rows(&|t, k| t.torques[k].clone(), before + frames),
         })
+    }
+
+    /// Pieces of what is held out that begin where trajectories of another log do, and that log's states in each frame after: how far
+    /// another solver, or the same one in other steps, comes from what was recorded. Of `frames` none is as many as all of them have.
+    pub fn beside(&self, other: &Log, before: usize, frames: Option<usize>, most: usize) -> Result<(Pieces, Vec<Vec<f64>>)> {
+        let key = |state: &[f64]| state.iter().map(|x| x.to_bits()).collect::<Vec<u64>>();
+        let others: HashMap<Vec<u64>, &Trajectory> = other.trajectories.iter().map(|t| (key(&t.states[0]), t)).collect();
+        let frames = frames.or_else(|| others.values().map(|t| self::frames(t)).min()).unwrap_or(0);
+        let starts = self.held_out.iter().enumerate().flat_map(|(k, t)| {
+            let last = (t.states.len() - 1).checked_sub(frames).map_or(0, |last| last + 1);
+            (before..last).map(move |first| (k, first))
+        });
+        let there = |(k, first): &(usize, usize)| others.get(&key(&self.held_out[*k].states[*first])).is_some_and(|t| self::frames(t) >= frames);
+        let starts: Vec<(usize, usize)> = starts.filter(there).map(|(k, first)| (k, first - before)).collect();
+        if starts.is_empty() {
+            refuse!("--beside: none of its trajectories has {frames} frames from a state that was held out, {before} frames or more after its trajectory's start");
+        }
+        let pieces = self.cut(&self.held_out, &starts, [before, frames], most)?;
+        let d = self.log.system.robot.state_dim();
+        let of: Vec<&Trajectory> = pieces.states[before].chunks(d).filter_map(|state| others.get(&key(state)).copied()).collect();
+        let states = (1..=frames).map(|frame| of.iter().flat_map(|t| t.states[frame].clone()).collect()).collect();
+        Ok((pieces, states))
     }
 
     /// The same for a network, which sees all that a prediction of its depends on; as long as an evaluation, where trajectories are.
@@ -204,7 +240,7 @@ fn parted(all: Vec<Trajectory>, every: usize) -> (Vec<Trajectory>, Vec<Trajector
     let mut ids: Vec<u64> = all.iter().map(|t| t.id).collect();
     ids.dedup();
     if ids.len() >= every {
-        let apart = |id: u64| ids.iter().position(|i| *i == id).is_some_and(|k| k % every == every - 1);
+        let apart = |id: u64| ids.binary_search(&id).is_ok_and(|k| k % every == every - 1);
         return all.into_iter().partition(|t| !apart(t.id));
     }
     let ends = all.into_iter().map(|t| {

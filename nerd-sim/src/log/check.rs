@@ -10,6 +10,8 @@ use crate::internal::*;
 const OFF: f64 = 0.5;
 /// A share by which rates or free fall are off that is worth a line.
 const ODD: f64 = 0.01;
+/// Of so many rows all are asked for their rates.
+const ASKED: usize = 100_000;
 /// Flights that free fall is read from take so long (s), and so many frames, at least.
 const FLIGHT: (f64, usize) = (0.08, 8);
 /// They are this far (m) from every surface.
@@ -31,9 +33,11 @@ fn unit(factor: f64) -> Option<&'static str> {
     UNITS.iter().find(|(f, _)| (factor / f).ln().abs() < 0.2).map(|u| u.1)
 }
 
-/// Rows that follow each other.
+/// Rows that follow each other; of many some, spread over all.
 fn pairs(raw: &[Raw]) -> impl Iterator<Item = (&Moment, &Moment)> {
-    raw.iter().flat_map(|r| r.moments.windows(2).map(|pair| (&pair[0], &pair[1])))
+    let rows: usize = raw.iter().map(|r| r.moments.len()).sum();
+    let all = raw.iter().flat_map(|r| r.moments.windows(2).map(|pair| (&pair[0], &pair[1])));
+    all.step_by((rows / ASKED).max(1))
 }
 
 /// How far measured rates are from those of the poses: the share of their size, and the factor that fits best. The fastest quarter

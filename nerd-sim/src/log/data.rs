@@ -6,6 +6,10 @@ use crate::internal::*;
 /// Measured trajectories.
 #[derive(Clone, Debug)]
 pub struct Log {
+    /// Where it comes from, in words.
+    pub about: Option<String>,
+    /// Time (us) that a frame took on one core, where a simulator made it.
+    pub cost: Option<f64>,
     /// The robot.
     pub system: Arc<System>,
     /// Where it was.

@@ -1,4 +1,4 @@
-//! Measured trajectories of any robot: a CSV, and a TOML beside it that says which column is what, in which unit and frame
+//! Measured trajectories of any robot: a table (CSV, npz, safetensors), and a TOML beside it that says which column is what, in which unit and frame
 //! ([`LogSpec`]).
 //!
 //! A [`Log`] holds states as solvers have them, one a frame of the robot. What had to be done for that is in its `notes`:
@@ -26,7 +26,7 @@ const FEW: f64 = 100.0;
 
 impl Log {
     /// From the TOML that describes a table; `csv` is the table, by default the one that the TOML names.
-    /// Errors name file, line and column.
+    /// Errors name file, row and column.
     pub fn read(path: &Path, csv: Option<&Path>) -> Result<Self, LogError> {
         let (spec, system) = read::specified(path)?;
         let csv = csv.map_or_else(|| path.with_file_name(&spec.file), Path::to_path_buf);
@@ -39,13 +39,14 @@ impl Log {
             return Err(bad(&csv, format!("no two rows follow each other: {}", notes.join("; "))));
         }
         let frame = system.frame_time;
-        if let Some((line, step)) = cut.iter().map(|r| (r.moments[0].line, tidy::step(&r.moments))).find(|(_, step)| *step > FEW * frame) {
-            let text = format!("line {line}: rows lie {step:.3e} s apart, a frame of the robot is {frame:.3e} s; is `units.time` right?");
+        if let Some((place, step)) = cut.iter().map(|r| (r.moments[0].place, tidy::step(&r.moments))).find(|(_, step)| *step > FEW * frame) {
+            let text = format!("{place}: rows lie {step:.3e} s apart, a frame of the robot is {frame:.3e} s; is `units.time` right?");
             return Err(bad(&csv, text));
         }
         let trajectories = tidy::states(&system, cut, &mut notes);
         let (scene_name, folds, published) = (spec.scene.clone(), spec.folds.clone(), spec.published.clone());
-        let mut log = Self { scene: scene_name, system, trajectories, notes, folds, published };
+        let (about, cost) = (spec.about.clone(), spec.cost);
+        let mut log = Self { about, cost, scene: scene_name, system, trajectories, notes, folds, published };
         log.parted().map_err(|reason| bad(path, reason))?;
         check::falls(&csv, &mut log, &scene)?;
         Ok(log)

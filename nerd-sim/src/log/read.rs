@@ -2,8 +2,8 @@
 
 use super::data::{LogError, bad};
 use super::spec::{Axes, LogSpec, RootColumns, Units};
-use crate::internal::*;
-use crate::table::{Row, Table, twice};
+use crate::{arrays::Arrays, internal::*};
+use crate::table::{Place, Row, Table, twice};
 
 /// Largest number that is taken for a measurement, in SI units; of times since some epoch, too.
 const MOST: f64 = 1e11;
@@ -11,9 +11,9 @@ const MOST: f64 = 1e11;
 /// What one row says.
 #[derive(Clone, Debug)]
 pub(super) struct Moment {
-    /// Line in its file.
-    pub line: u64,
-    /// Time (s).
+    /// Where it is in its file.
+    pub place: Place,
+    /// Time (s); NaN where no column has it.
     pub time: f64,
     /// Coordinates as a state has them.
     pub q: Vec<f64>,
@@ -36,7 +36,7 @@ pub(super) struct Raw {
 struct Columns<'a> {
     spec: &'a LogSpec,
     trajectory: Option<usize>,
-    time: usize,
+    time: Option<usize>,
     root: Option<Root<'a>>,
     /// Position, velocity and torque; whether it slides.
     joints: Vec<([Option<usize>; 3], bool)>,
@@ -81,7 +81,7 @@ fn columns(spec: &LogSpec) -> Vec<&String> {
         r.position.iter().chain(&r.quaternion).chain(rates)
     });
     let joints = spec.joints.iter().flat_map(|j| [Some(&j.position), j.velocity.as_ref(), j.torque.as_ref()].into_iter().flatten());
-    spec.trajectory.iter().chain([&spec.time]).chain(root).chain(joints).collect()
+    spec.trajectory.iter().chain(&spec.time).chain(root).chain(joints).collect()
 }
 
 impl<'a> Columns<'a> {
@@ -102,7 +102,7 @@ impl<'a> Columns<'a> {
         Ok(Self {
             spec,
             trajectory: spec.trajectory.as_ref().map(one).transpose()?,
-            time: one(&spec.time)?,
+            time: spec.time.as_ref().map(one).transpose()?,
             root: spec.root.as_ref().map(root).transpose()?,
             joints: joints.collect::<Result<_, FileError>>()?,
         })
@@ -132,10 +132,11 @@ impl<'a> Columns<'a> {
             let number = |c: Option<usize>, absent: f64| c.map_or(Ok(absent), |c| row.numbers(&[c]).map(|x| x[0]));
             q.push(number(joint[0], 0.0)? * unit);
             qd.push(number(joint[1], f64::NAN)? * unit);
-            let known = joint[2].is_none_or(|c| !row.cell(c).is_empty());
+            let known = joint[2].is_none_or(|c| !row.empty(c));
             torques.push(if known { number(joint[2], 0.0)? } else { f64::NAN });
         }
-        Ok(Moment { line: row.line, time: row.numbers(&[self.time])?[0] * time, q, qd, torques })
+        let at = self.time.map_or(Ok(f64::NAN), |c| row.numbers(&[c]).map(|x| x[0] * time))?;
+        Ok(Moment { place: row.place, time: at, q, qd, torques })
     }
 }
 
@@ -145,16 +146,19 @@ pub fn tables(csv: &Path) -> Result<Vec<PathBuf>, LogError> {
         return Ok(vec![csv.into()]);
     }
     let entries = std::fs::read_dir(csv).map_err(|e| bad(csv, e.to_string()))?;
-    let mut all: Vec<PathBuf> = entries.flatten().map(|e| e.path()).filter(|p| p.extension().is_some_and(|e| e == "csv")).collect();
+    let table = |p: &PathBuf| p.extension().is_some_and(|e| e == "csv") || Arrays::named(p);
+    let mut all: Vec<PathBuf> = entries.flatten().map(|e| e.path()).filter(table).collect();
     all.sort();
-    if all.is_empty() { Err(bad(csv, "no .csv in this folder".into())) } else { Ok(all) }
+    if all.is_empty() { Err(bad(csv, "no .csv, .npz or .safetensors in this folder".into())) } else { Ok(all) }
 }
 
-/// All rows by trajectory, in the order of their names. Of several tables each is one, where no column names them.
+/// All rows by trajectory, in the order of their names. Where no column names them, each table is one, or as many as its arrays have.
 pub(super) fn rows(csv: &Path, spec: &LogSpec, system: &System) -> Result<Vec<Raw>, LogError> {
     let mut all = BTreeMap::new();
-    for (k, csv) in tables(csv)?.iter().enumerate() {
-        let own = of_table(csv, k as u64, spec, system)?;
+    let mut next = 0;
+    for csv in &tables(csv)? {
+        let own = of_table(csv, next, spec, system)?;
+        next += own.len().max(1) as u64;
         if let Some(id) = own.keys().find(|id| all.contains_key(*id)) {
             return Err(bad(csv, format!("trajectory {id} is in another table, too; leave `trajectory` out if each table is one")));
         }
@@ -172,21 +176,27 @@ pub(super) fn rows(csv: &Path, spec: &LogSpec, system: &System) -> Result<Vec<Ra
     Ok(all.into_values().collect())
 }
 
-fn of_table(csv: &Path, number: u64, spec: &LogSpec, system: &System) -> Result<BTreeMap<u64, Raw>, LogError> {
-    let mut table = Table::open(csv)?;
+/// Of one table, whose first trajectory is of this number if none has a name.
+fn of_table(csv: &Path, first: u64, spec: &LogSpec, system: &System) -> Result<BTreeMap<u64, Raw>, LogError> {
+    let mut table = Table::of(csv, &columns(spec))?;
     let columns = Columns::new(&table, spec, system)?;
     let mut all: BTreeMap<u64, Raw> = BTreeMap::new();
     table.rows(|row| {
-        let id = columns.trajectory.map_or(Ok(number), |c| row.whole(c, u64::MAX))?;
-        let moment = columns.moment(row)?;
+        let id = columns.trajectory.map_or(Ok(first + row.trajectory().unwrap_or(0)), |c| row.whole(c, u64::MAX))?;
+        let mut moment = columns.moment(row)?;
         // Squares of what is larger leave the range of numbers, and nothing that moves is.
         if let Some(x) = moment.q.iter().chain(&moment.qd).chain(&moment.torques).chain([&moment.time]).find(|x| x.abs() > MOST) {
             return Err(row.wrong(&format!(": a value of {x:e} in SI units, at most {MOST:e} can be meant")));
         }
         let raw = all.entry(id).or_insert_with(|| Raw { id, moments: Vec::new() });
+        let Some(column) = &spec.time else {
+            moment.time = raw.moments.len() as f64 * system.frame_time;
+            raw.moments.push(moment);
+            return Ok(());
+        };
         if let Some(last) = raw.moments.last().filter(|last| moment.time <= last.time) {
-            let (now, then, at) = (moment.time, last.time, last.line);
-            let text = format!(", column `{}`: {now} s, but line {at} was at {then} s: time must go on", spec.time);
+            let (now, then, at) = (moment.time, last.time, last.place);
+            let text = format!(", column `{column}`: {now} s, but {at} was at {then} s: time must go on");
             return Err(row.wrong(&text));
         }
         raw.moments.push(moment);

@@ -6,13 +6,15 @@ use serde::{Deserialize, Deserializer, Serialize, de::Error};
 /// One file of measurements.
 ///
 /// ```toml
-/// file = "tosses.csv"               # beside this one, or a folder of such tables
+/// about = "MuJoCo, steps of 0.005 s" # where it comes from, in words
+/// cost = 60.5                       # time (us) that a frame took on one core, where a simulator made it
+/// file = "tosses.csv"               # beside this one: .csv, .npz or .safetensors; or a folder of such tables
 /// robot = "cube.urdf"               # beside this one, or a built-in robot's name
 /// scene = "ground"                  # where it was measured, by default this one
 /// only = [0, 2, 3]                  # trajectories to read; without it all
 /// folds = [[0, 3], [2]]             # those that are judged together, by what was fitted to the others; each in one of them
 /// trajectory = "toss"               # column whose value names the trajectory; without it all rows are one
-/// time = "t"
+/// time = "t"                        # without it each row is a frame after the one before
 /// units = { length = "m", angle = "rad", time = "s" }   # these by default; also cm, mm; deg; ms, us, ns
 /// [root]                            # of a floating robot
 /// position = ["px", "py", "pz"]     # the root link's origin, world axes
@@ -25,7 +27,7 @@ use serde::{Deserialize, Deserializer, Serialize, de::Error};
 /// name = "hinge"
 /// position = "theta"
 /// velocity = "thetadot"             # without it from differences
-/// torque = "tau"                    # from this row to the next; without it 0. An empty cell ends a trajectory
+/// torque = "tau"                    # from this row to the next; without it 0. An empty cell (or NaN) ends a trajectory
 /// [[published]]                     # published results on these measurements
 /// method = "ContactNets"
 /// position = 0.017                  # mean distance (m)
@@ -34,7 +36,9 @@ use serde::{Deserialize, Deserializer, Serialize, de::Error};
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LogSpec {
-    /// CSV beside this file, or a folder of them.
+    pub(super) about: Option<String>,
+    pub(super) cost: Option<f64>,
+    /// Table beside this file, or a folder of them.
     pub file: String,
     pub(super) robot: String,
     #[serde(default = "ground")]
@@ -43,7 +47,7 @@ pub struct LogSpec {
     #[serde(default)]
     pub(super) folds: Vec<Vec<u64>>,
     pub(super) trajectory: Option<String>,
-    pub(super) time: String,
+    pub(super) time: Option<String>,
     #[serde(default)]
     pub(super) units: Units,
     pub(super) root: Option<RootColumns>,

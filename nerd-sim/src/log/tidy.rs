@@ -35,14 +35,16 @@ pub(super) fn copies(system: &System, raw: &mut Vec<Raw>, notes: &mut Vec<String
         };
         raw.moments.iter().flat_map(of).collect()
     };
-    let mut prints: Vec<Vec<f64>> = Vec::new();
+    // By a number amid them, in steps of what two copies may differ by.
+    let mut prints: BTreeMap<i64, Vec<Vec<f64>>> = BTreeMap::new();
     let before = raw.len();
     raw.retain(|r| {
         let own = print(r);
         let same = |other: &Vec<f64>| own.len() == other.len() && own.iter().zip(other).all(|(a, b)| (a - b).abs() < SAME);
-        let new = own.is_empty() || !prints.iter().any(same);
+        let Some(amid) = own.get(own.len() / 2).map(|x| (x / SAME) as i64) else { return true };
+        let new = !prints.range(amid - 1..=amid + 1).any(|(_, others)| others.iter().any(same));
         if new {
-            prints.push(own);
+            prints.entry(amid).or_default().push(own);
         }
         new
     });
@@ -64,7 +66,7 @@ pub(super) fn cut(raw: Vec<Raw>, notes: &mut Vec<String>) -> Vec<Raw> {
             if late || unknown {
                 idle += usize::from(unknown);
                 gaps += usize::from(late);
-                first = first.or(late.then_some(moment.line));
+                first = first.or(late.then_some(moment.place));
                 all.push(Raw { id, moments: std::mem::take(&mut part) });
             }
             part.push(moment);
@@ -76,8 +78,8 @@ pub(super) fn cut(raw: Vec<Raw>, notes: &mut Vec<String>) -> Vec<Raw> {
     }
     let before = all.len();
     all.retain(|raw| raw.moments.len() > 1);
-    if let Some(line) = first {
-        notes.push(format!("{gaps} gaps in time, the first before line {line}: trajectories are cut there"));
+    if let Some(place) = first {
+        notes.push(format!("{gaps} gaps in time, the first before {place}: trajectories are cut there"));
     }
     if all.len() < before {
         notes.push(format!("{} pieces of a single row are left out", before - all.len()));
@@ -141,7 +143,7 @@ fn between(robot: &Robot, a: &Moment, b: &Moment, time: f64) -> Moment {
         let arc = (to * from.inverse()).scaled_axis() * s;
         write_quaternion(&mut q[3..], &(UnitQuaternion::from_scaled_axis(arc) * from));
     }
-    Moment { line: a.line, time, q, qd: mix(&a.qd, &b.qd), torques: a.torques.clone() }
+    Moment { place: a.place, time, q, qd: mix(&a.qd, &b.qd), torques: a.torques.clone() }
 }
 
 /// One state a frame.

@@ -1,5 +1,7 @@
 //! What is written and read: data sets, tables, measured trajectories, and fits to them.
 
+#[cfg(feature = "csv")]
+mod arrays;
 #[cfg(all(feature = "calibrate", feature = "rapier"))]
 mod calibrate;
 #[path = "../common/mod.rs"]

@@ -205,7 +205,7 @@ fn verdict_on(plan: &Plan, folder: &Path, card: &str) -> Result<Option<Verdict>>
     let model = Model::load(folder, system, None)?;
     if let Some(measured) = &plan.measured {
         let pieces = measured.rollouts(&measured.held_out, &plan.network, JUDGED)?;
-        return said(folder, card, recorded(measured, &pieces, &model, &[("as described", measured.described()?)])?);
+        return said(folder, card, recorded(measured, &pieces, &model, &[("as described", measured.described()?)], None)?);
     }
     let scenes = system.usual_scenes();
     let scene = scenes.iter().find(|s| **s != "free").unwrap_or(&scenes[0]);

@@ -47,6 +47,9 @@ pub struct Verdict {
     /// `articulated` at one substep and at more, as many as were asked for until one errs no more than the model in the mean of the
     /// quantities. Where the motion was recorded, as the robot is described and calibrated.
     pub articulated: Vec<Row>,
+    /// What another log has of the same motions: another simulator, or the recorded one in other steps.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub beside: Option<Row>,
 }
 
 /// One solver's errors and time.
@@ -109,7 +112,7 @@ pub fn verdict(system: &Arc<System>, scene: &Arc<Scene>, model: &Model, protocol
         }
         let (robot, quantities) = (system.name.clone(), summary_names(system));
         let (scene, truth) = (scene.name.clone(), truth.name());
-        Ok::<_, Error>(Verdict { robot, scene, truth, protocol, quantities, model: own, base, hold: None, linear, articulated })
+        Ok::<_, Error>(Verdict { robot, scene, truth, protocol, quantities, model: own, base, hold: None, linear, articulated, beside: None })
     })?;
     bar.finish();
     Ok(Some(found))

@@ -1,7 +1,7 @@
 //! What a model of recorded motion is worth: beside its base, a linear map and `articulated` on the robot's own file.
 
 use nerd_sim::calibrate::{Engine, Subject};
-use nerd_sim::instruments::Hold;
+use nerd_sim::instruments::{Hold, Replay};
 
 use super::{Row, Verdict, common, linear};
 use crate::cost::{on_one_core, timed};
@@ -14,12 +14,29 @@ use crate::prepare::tokens;
 const FRAMES: usize = 64;
 const ENOUGH: usize = 65_536;
 
+/// What another solver made of the same pieces: which, its states `[frame][piece][q, qd]` after each frame that a solver goes alone, and
+/// its time for one (us; 0 if nobody knows).
+pub struct Beside {
+    /// Which.
+    pub of: String,
+    /// Its states.
+    pub states: Vec<Vec<f64>>,
+    /// Its time.
+    pub microseconds: f64,
+}
+
 /// Judges a model on pieces of a log, and beside it these analytic solvers, in words and as they are; one that cannot step is left out with
 /// a line. There is no verdict on a network along a chain.
 ///
 /// # Errors
 /// If the model cannot step.
-pub fn recorded(measured: &Measured, pieces: &Pieces, model: &Model, analytic: &[(&str, Subject)]) -> Result<Option<Verdict>> {
+pub fn recorded(
+    measured: &Measured,
+    pieces: &Pieces,
+    model: &Model,
+    analytic: &[(&str, Subject)],
+    beside: Option<Beside>,
+) -> Result<Option<Verdict>> {
     if model.config.network.architecture == Architecture::Chain {
         return Ok(None);
     }
@@ -46,10 +63,15 @@ pub fn recorded(measured: &Measured, pieces: &Pieces, model: &Model, analytic: &
                 Err(reason) => tell!("articulated, {name}: left out, {reason}"),
             }
         }
+        let beside = beside.map(|Beside { of, states, microseconds }| {
+            let report = pieces.seen(0).compare(&mut Replay::new(&states))?;
+            Ok::<_, Error>(Row { of, errors: summary(system, &report.error), microseconds, diverged: report.diverged })
+        });
         let protocol = PassiveConfig { starts: pieces.count(), steps: pieces.frames(), seed: 0, action: Action::Recorded(pieces.before) };
         let (robot, scene, truth) = (system.name.clone(), pieces.scenes[0].name.clone(), measured.truth.clone());
         let quantities = summary_names(system);
-        Ok::<_, Error>(Verdict { robot, scene, truth, protocol, quantities, model: own, base, hold, linear, articulated })
+        let beside = beside.transpose()?;
+        Ok::<_, Error>(Verdict { robot, scene, truth, protocol, quantities, model: own, base, hold, linear, articulated, beside })
     })?;
     bar.finish();
     Ok(Some(found))

@@ -12,18 +12,19 @@ impl Verdict {
     /// A line of a table for each solver. Of the analytic ones the first and the last are shown.
     pub fn cells(&self) -> Vec<Vec<String>> {
         let (first, last) = (self.articulated.first(), self.articulated.last().filter(|_| self.articulated.len() > 1));
-        let rows = [Some(&self.model), Some(&self.base), self.hold.as_ref(), Some(&self.linear), first, last].into_iter().flatten();
+        let rows = [Some(&self.model), Some(&self.base), self.hold.as_ref(), Some(&self.linear), first, last, self.beside.as_ref()];
         let cells = |row: &Row| {
             let times: Vec<String> = self.times(row).into_iter().map(short).collect();
             let lost = if row.diverged > 0 { format!(", {} diverged", row.diverged) } else { String::new() };
-            vec![row.of.clone() + &lost, pair(&row.errors), times.join(" / "), digits(row.microseconds)]
+            let time = if row.microseconds > 0.0 { digits(row.microseconds) } else { "-".into() };
+            vec![row.of.clone() + &lost, pair(&row.errors), times.join(" / "), time]
         };
-        rows.map(cells).collect()
+        rows.into_iter().flatten().map(cells).collect()
     }
 
     /// What to use, and by how much the network beats what has learned nothing, in one line.
     pub fn line(&self) -> String {
-        let Self { model, base, hold, linear, .. } = self;
+        let Self { model, base, hold, linear, beside, .. } = self;
         let own = digits(model.microseconds);
         let advice = match self.equal() {
             Some(row) if row.microseconds <= model.microseconds => {
@@ -45,7 +46,8 @@ impl Verdict {
             }
             None => format!("use the network: it takes {own} us, and no number of substeps of `articulated` errs as little"),
         };
-        format!("{advice}; {} errs {} times as much, a {} {}", base.of, self.span(base), linear.of, self.span(linear))
+        let beside = beside.as_ref().map_or_else(String::new, |row| format!("; {} {}", row.of, self.span(row)));
+        format!("{advice}; {} errs {} times as much, a {} {}{beside}", base.of, self.span(base), linear.of, self.span(linear))
     }
 
     /// The same in a cell of a table.

@@ -2,9 +2,10 @@
 
 use std::fmt::Write;
 
+use nerd_sim::log::Trajectory;
 use nerd_train::evaluate::Pieces;
 use nerd_train::measured::Measured;
-use nerd_train::verdict::recorded::recorded;
+use nerd_train::verdict::recorded::{Beside, recorded};
 use serde_json::Value;
 
 use crate::*;
@@ -65,7 +66,7 @@ fn recorded_motion_is_learned_and_judged_by_what_was_held_out() {
 
     let pieces = measured.pieces(&measured.held_out, [0, 50, 50], 64).expect("pieces");
     let analytic = [("as described", measured.described().expect("a scene")), ("calibrated", measured.calibrated(50, 60).expect("a fit"))];
-    let found = recorded(&measured, &pieces, &model, &analytic).expect("a verdict").expect("of a network");
+    let found = recorded(&measured, &pieces, &model, &analytic, None).expect("a verdict").expect("of a network");
     println!("{found}");
     assert!(found.model.mean() < 0.5 * found.base.mean(), "{found}");
     // The motion is linear, and the solver made it.
@@ -73,6 +74,22 @@ fn recorded_motion_is_learned_and_judged_by_what_was_held_out() {
     assert!(found.articulated.iter().all(|row| row.mean() < 1e-6), "{found}");
     assert!(found.line().starts_with("use the solver"), "{found}");
     assert!(found.to_string().contains("2 starts, 50 frames with their torques, 0 frames seen before each"), "{found}");
+
+    // Another log of the same motions, from frame 10 on, that is 0.1 rad off.
+    let off = |t: &Trajectory| {
+        let state = |(k, s): (usize, &Vec<f64>)| vec![s[0] + if k > 0 { 0.1 } else { 0.0 }, s[1]];
+        Trajectory { id: 0, states: t.states[10..].iter().enumerate().map(state).collect(), torques: t.torques[10..].to_vec() }
+    };
+    let mut other = nerd_sim::log::Log { trajectories: measured.held_out.iter().map(off).collect(), ..measured.log.clone() };
+    let (pieces, states) = measured.beside(&other, 3, None, 64).expect("pieces");
+    assert_eq!((pieces.count(), pieces.before, pieces.frames(), &pieces.states[3][..2]), (2, 3, 49, &measured.held_out[0].states[10][..]));
+    let beside = Some(Beside { of: "off".into(), states, microseconds: 0.0 });
+    let found = recorded(&measured, &pieces, &model, &analytic[..1], beside).expect("a verdict").expect("of a network");
+    assert!(found.beside.as_ref().is_some_and(|row| (row.errors[0] - 0.1).abs() < 1e-12), "{found}");
+    assert!(found.to_string().contains("| off") && found.line().contains("; off "), "{found}");
+    other.trajectories.iter_mut().for_each(|t| t.states[0][0] += 1e-9);
+    let said = measured.beside(&other, 3, None, 64).expect_err("other starts").to_string();
+    assert!(said.starts_with("--beside") && said.lines().count() == 1, "{said}");
 
     // Nothing of a model comes from what was held out.
     let weights = |folder: &Path| std::fs::read(folder.join("model.safetensors")).expect("weights");

@@ -44,6 +44,9 @@ settings! {
         before: Option<usize> = None, Whole(0..=*FRAMES.end());
         /// With --data: frames between starts [default: those of a rollout]
         every: Option<usize> = None, Whole(FRAMES);
+        /// With --data: another log (its TOML or folder), in which trajectories begin where held-out ones are at some frame, as another
+        /// simulator or other steps continue them: the model is judged from these starts, and that stands beside it
+        beside: Option<PathBuf> = None, Text;
         /// With --data: evaluations in which the analytic solver is calibrated; 0: it is judged as the robot is described, and no more
         evaluations: usize = 300, Whole(0..=1_000_000);
     }
@@ -104,9 +107,11 @@ impl Passive {
     pub fn new(name: &str, cases: &[Case]) -> Result<Self> {
         let mut asked = Vec::new();
         for case in cases {
-            let Protocol { starts, frames, seed, drive, before, every, evaluations, .. } = case.asked.clone();
+            let Protocol { starts, frames, seed, drive, before, every, beside, evaluations, .. } = case.asked.clone();
             let evaluated = evaluations != Protocol::default().evaluations;
-            unused(&[("--before", before.is_some()), ("--every", every.is_some()), ("--evaluations", evaluated)], "without --data")?;
+            let idle =
+                [("--before", before.is_some()), ("--every", every.is_some()), ("--beside", beside.is_some()), ("--evaluations", evaluated)];
+            unused(&idle, "without --data")?;
             let system = System::named(&case.robot)?;
             let mut scenes: Vec<&str> = case.asked.scene.iter().map(String::as_str).collect();
             if scenes.is_empty() {

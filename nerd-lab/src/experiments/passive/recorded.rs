@@ -2,7 +2,7 @@
 
 use nerd_train::measured::Measured as Log;
 use nerd_train::verdict::Verdict;
-use nerd_train::verdict::recorded::recorded;
+use nerd_train::verdict::recorded::{Beside, recorded};
 
 use super::Protocol;
 use crate::{error::unused, prelude::*};
@@ -29,6 +29,7 @@ impl Recorded {
             ("--verdict", asked.verdict != usual.verdict),
         ];
         unused(&idle, "beside --data, whose motion was recorded")?;
+        unused(&[("--every", asked.every.is_some() && asked.beside.is_some())], "with --beside, which has starts of its own")?;
         let (_, system) = nerd_sim::log::specified(&path)?;
         let model = Model::load(folder, &system, None)?;
         let log = Log::of(&path, &model)?;
@@ -39,12 +40,22 @@ impl Recorded {
         let Self { asked, log, model, .. } = self;
         let usual = log.rollouts(&log.held_out, &model.config.network, 1)?;
         let (before, frames) = (asked.before.unwrap_or(usual.before), asked.frames.unwrap_or(usual.frames()));
-        let pieces = log.pieces(&log.held_out, [before, frames, asked.every.unwrap_or(frames)], asked.starts)?;
+        let (pieces, beside) = match &asked.beside {
+            None => (log.pieces(&log.held_out, [before, frames, asked.every.unwrap_or(frames)], asked.starts)?, None),
+            Some(path) => {
+                let Some(path) = Log::path(path) else { bail!("--beside {}: name the TOML of a log, or its folder", path.display()) };
+                let other = nerd_sim::log::Log::read(&path, None)?;
+                let (pieces, states) = log.beside(&other, before, asked.frames, asked.starts)?;
+                let of = other.about.unwrap_or_else(|| Log::name(&path));
+                (pieces, Some(Beside { of, states, microseconds: other.cost.unwrap_or(0.0) }))
+            }
+        };
+        let frames = pieces.frames();
         let mut analytic = vec![("as described", log.described()?)];
         if asked.evaluations > 0 {
             analytic.push(("calibrated", log.calibrated(frames, asked.evaluations)?));
         }
-        let found = recorded(log, &pieces, model, &analytic)?;
+        let found = recorded(log, &pieces, model, &analytic, beside)?;
         found.ok_or_else(|| anyhow::anyhow!("{}: there is no verdict on a network along a chain", self.folder.display()))
     }
 

@@ -1,0 +1,166 @@
+//! Arrays of numbers by name, as numpy's .npz and .safetensors files hold them, as columns of a table.
+//!
+//! Column `q` is an array with one number a row, and `q.2` is component 2 of one whose last axis has several. What is left are rows, or
+//! trajectories and their rows.
+
+use std::{borrow::Cow, fs::File, io::Read};
+
+use safetensors::tensor::SafeTensors;
+
+use crate::internal::*;
+
+/// Columns of the same rows.
+pub(crate) struct Arrays {
+    arrays: BTreeMap<String, Array>,
+    /// Its array, how many numbers that has a row, and which of them it is.
+    columns: Vec<(String, usize, usize)>,
+    /// Trajectories, where there is an axis of them, and rows of each.
+    shape: (Option<usize>, usize),
+}
+
+struct Array {
+    shape: Vec<usize>,
+    /// Bytes of a number, and what they say.
+    kind: (usize, fn(&[u8]) -> f64),
+    bytes: Vec<u8>,
+}
+
+impl Arrays {
+    /// Whether a file's ending says that it holds arrays.
+    pub fn named(path: &Path) -> bool {
+        path.extension().is_some_and(|e| e == "npz" || e == "safetensors")
+    }
+
+    /// These columns.
+    pub fn read(path: &Path, wanted: &[&String]) -> Result<Self, FileError> {
+        let wrong = |reason: String| FileError::new(path, reason);
+        let used = |name: &str| wanted.iter().any(|w| *w == name || split(w).is_some_and(|(array, _)| array == name));
+        let all = if path.extension().is_some_and(|e| e == "npz") { npz(path, &used) } else { tensors(path, &used) };
+        let (arrays, names) = all.map_err(wrong)?;
+        let (mut columns, mut shape) = (Vec::new(), None);
+        for name in wanted {
+            let part = |(array, at)| Some((array, arrays.get(array)?, Some(at)));
+            let whole = arrays.get(*name).map(|array| (name.as_str(), array, None));
+            let Some((array, found, at)) = whole.or_else(|| split(name).and_then(part)) else {
+                return Err(wrong(format!("no array has column `{name}`; there are {}", names.join(", "))));
+            };
+            let (rows, width) = match (at, &found.shape[..]) {
+                (Some(at), [rows @ .., width]) if at < *width => (rows, *width),
+                (None, rows) => (rows, 1),
+                _ => return Err(wrong(format!("no array has column `{name}`: `{array}` is of shape {:?}", found.shape))),
+            };
+            let own = match *rows {
+                [rows] => (None, rows),
+                [trajectories, rows] => (Some(trajectories), rows),
+                _ => {
+                    let text = "rows, or trajectories and rows, and then perhaps components, of which `NAME.0` is the first";
+                    return Err(wrong(format!("column `{name}`: `{array}` is of shape {:?}; its axes must be {text}", found.shape)));
+                }
+            };
+            let (first, other) = shape.get_or_insert_with(|| (name.as_str(), own));
+            if *other != own {
+                return Err(wrong(format!("columns `{first}` and `{name}` have not the same rows: {} and {}", said(*other), said(own))));
+            }
+            columns.push((array.to_string(), width, at.unwrap_or(0)));
+        }
+        Ok(Self { arrays, columns, shape: shape.map_or((None, 0), |s| s.1) })
+    }
+
+    /// Rows of all trajectories.
+    pub fn rows(&self) -> usize {
+        self.shape.0.unwrap_or(1) * self.shape.1
+    }
+
+    /// Trajectory and row in it.
+    pub fn place(&self, row: usize) -> (Option<u64>, u64) {
+        let rows = self.shape.1.max(1);
+        (self.shape.0.map(|_| (row / rows) as u64), (row % rows) as u64)
+    }
+
+    /// The number in a column of a row.
+    pub fn number(&self, column: usize, row: usize) -> f64 {
+        let (array, width, at) = &self.columns[column];
+        let Array { kind: (size, number), bytes, .. } = &self.arrays[array];
+        number(&bytes[(row * width + at) * size..])
+    }
+}
+
+/// An array's name and a component.
+fn split(column: &str) -> Option<(&str, usize)> {
+    let (array, at) = column.rsplit_once('.')?;
+    Some((array, at.parse().ok()?))
+}
+
+fn said((trajectories, rows): (Option<usize>, usize)) -> String {
+    trajectories.map_or_else(|| rows.to_string(), |n| format!("{n} x {rows}"))
+}
+
+impl Array {
+    /// Of a type by its name in numpy or safetensors.
+    fn new(name: &str, kind: &str, shape: Vec<usize>, bytes: Cow<'_, [u8]>) -> Result<Self, String> {
+        let kind: (usize, fn(&[u8]) -> f64) = match kind {
+            "<f4" | "F32" => (4, |b| b.first_chunk().map_or(f64::NAN, |b| f64::from(f32::from_le_bytes(*b)))),
+            "<f8" | "F64" => (8, |b| b.first_chunk().map_or(f64::NAN, |b| f64::from_le_bytes(*b))),
+            "<i4" | "I32" => (4, |b| b.first_chunk().map_or(f64::NAN, |b| f64::from(i32::from_le_bytes(*b)))),
+            "<i8" | "I64" => (8, |b| b.first_chunk().map_or(f64::NAN, |b| i64::from_le_bytes(*b) as f64)),
+            _ => return Err(format!("array `{name}` is of type {kind}; float32, float64, int32 and int64 are read")),
+        };
+        match shape.iter().try_fold(kind.0, |n, k| n.checked_mul(*k)) {
+            Some(size) if size == bytes.len() => Ok(Self { shape, kind, bytes: bytes.into_owned() }),
+            _ => Err(format!("array `{name}` of shape {shape:?} has {} bytes: the file is damaged", bytes.len())),
+        }
+    }
+}
+
+/// Some arrays, and the names of all.
+type Found = (BTreeMap<String, Array>, Vec<String>);
+
+fn tensors(path: &Path, used: &dyn Fn(&str) -> bool) -> Result<Found, String> {
+    let bytes = std::fs::read(path).map_err(|e| e.to_string())?;
+    let file = SafeTensors::deserialize(&bytes).map_err(|e| e.to_string())?;
+    let mut names: Vec<String> = file.names().into_iter().map(String::from).collect();
+    names.sort();
+    let read = |name: &String| {
+        let view = file.tensor(name).map_err(|e| e.to_string())?;
+        let array = Array::new(name, &format!("{:?}", view.dtype()), view.shape().to_vec(), view.data().into())?;
+        Ok((name.clone(), array))
+    };
+    let arrays = names.iter().filter(|name| used(name)).map(read).collect::<Result<_, String>>()?;
+    Ok((arrays, names))
+}
+
+fn npz(path: &Path, used: &dyn Fn(&str) -> bool) -> Result<Found, String> {
+    let file = File::open(path).map_err(|e| e.to_string())?;
+    let mut zip = zip::ZipArchive::new(std::io::BufReader::new(file)).map_err(|e| e.to_string())?;
+    let (mut arrays, mut names) = (BTreeMap::new(), Vec::new());
+    for k in 0..zip.len() {
+        let mut entry = zip.by_index(k).map_err(|e| e.to_string())?;
+        let Some(name) = entry.name().strip_suffix(".npy").map(String::from) else { continue };
+        if used(&name) {
+            let mut bytes = Vec::new();
+            entry.read_to_end(&mut bytes).map_err(|e| format!("array `{name}`: {e}"))?;
+            arrays.insert(name.clone(), npy(&name, &bytes)?);
+        }
+        names.push(name);
+    }
+    Ok((arrays, names))
+}
+
+/// An array as `numpy.save` writes it: a version, the length of its header, a dictionary of Python, numbers.
+fn npy(name: &str, bytes: &[u8]) -> Result<Array, String> {
+    let from = if bytes.get(6) == Some(&1) { 10 } else { 12 };
+    let length = bytes.get(8..from).map(|b| b.iter().rev().fold(0usize, |n, b| n << 8 | usize::from(*b)));
+    let end = length.and_then(|n| n.checked_add(from)).filter(|end| *end <= bytes.len() && bytes.starts_with(b"\x93NUMPY"));
+    let Some(end) = end else { return Err(format!("array `{name}` is not as numpy.save writes one")) };
+    let header = String::from_utf8_lossy(&bytes[from..end]);
+    let value = |key: &str, end: char| Some(header.split_once(&format!("'{key}':"))?.1.split(end).next()?.trim());
+    let shape = value("shape", ')').and_then(|s| {
+        let axes = s.trim_start_matches('(').split(',').map(str::trim).filter(|axis| !axis.is_empty());
+        axes.map(|axis| axis.parse().ok()).collect::<Option<Vec<usize>>>()
+    });
+    let (Some(kind), Some(shape)) = (value("descr", ','), shape) else { return Err(format!("array `{name}` has no shape or type")) };
+    if shape.len() > 1 && value("fortran_order", ',') != Some("False") {
+        return Err(format!("array `{name}` has its columns in a row each; save numpy.ascontiguousarray({name})"));
+    }
+    Array::new(name, kind.trim_matches('\''), shape, bytes[end..].into())
+}
