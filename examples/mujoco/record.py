@@ -116,6 +116,12 @@ def robot(m, frame_time):
         links.append(f'<link name="{body}">{solid}</link>')
     urdf = '<robot name="recorded">\n' + "\n".join(links + joints) + "\n</robot>\n"
     planes = [g for g in range(m.ngeom) if m.geom_bodyid[g] == 0 and m.geom_type[g] == mujoco.mjtGeom.mjGEOM_PLANE]
+    touching = [g for g in range(m.ngeom) if (m.geom_contype[g] or m.geom_conaffinity[g]) and g not in planes]
+    left_out = sum(m.geom_bodyid[g] == 0 or not shape(m, g) for g in touching)
+    if left_out:
+        print(f"left out: {left_out} geoms that touch and are no sphere, capsule, cylinder or box of the robot")
+    if any(abs(matrix(m.geom_quat[g])[2, 2] - 1) > 1e-9 for g in planes) or len(planes) > 1:
+        raise SystemExit("one level plane at most can be recorded")
     head = f'like = "urdf"\nfloating = {str(bool(free)).lower()}\nframe_time = {frame_time}\nsubsteps = {max(1, round(480 * frame_time))}\ngravity = {m.opt.gravity.tolist()}\n'
     own += [f'[[scene]]\nname = "ground"\nplane = {{ height = {m.geom_pos[g][2]}, angles = [0.0, 0.0, 0.0] }}\n' for g in planes[:1]]
     return urdf, head + "".join(own), order, [name("JOINT", j) for j in order], bool(free), bool(planes)

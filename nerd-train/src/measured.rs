@@ -183,10 +183,13 @@ impl Measured {
             let last = (t.states.len() - 1).checked_sub(frames).map_or(0, |last| last + 1);
             (before..last).map(move |first| (k, first))
         });
-        let there = |(k, first): &(usize, usize)| others.get(&key(&self.held_out[*k].states[*first])).is_some_and(|t| self::frames(t) >= frames);
+        let there =
+            |(k, first): &(usize, usize)| others.get(&key(&self.held_out[*k].states[*first])).is_some_and(|t| self::frames(t) >= frames);
         let starts: Vec<(usize, usize)> = starts.filter(there).map(|(k, first)| (k, first - before)).collect();
         if starts.is_empty() {
-            refuse!("--beside: none of its trajectories has {frames} frames from a state that was held out, {before} frames or more after its trajectory's start");
+            refuse!(
+                "--beside: none of its trajectories has {frames} frames from a state that was held out, {before} frames or more after its trajectory's start"
+            );
         }
         let pieces = self.cut(&self.held_out, &starts, [before, frames], most)?;
         let d = self.log.system.robot.state_dim();

@@ -39,7 +39,8 @@ impl Log {
             return Err(bad(&csv, format!("no two rows follow each other: {}", notes.join("; "))));
         }
         let frame = system.frame_time;
-        if let Some((place, step)) = cut.iter().map(|r| (r.moments[0].place, tidy::step(&r.moments))).find(|(_, step)| *step > FEW * frame) {
+        if let Some((place, step)) = cut.iter().map(|r| (r.moments[0].place, tidy::step(&r.moments))).find(|(_, step)| *step > FEW * frame)
+        {
             let text = format!("{place}: rows lie {step:.3e} s apart, a frame of the robot is {frame:.3e} s; is `units.time` right?");
             return Err(bad(&csv, text));
         }

@@ -2,8 +2,8 @@
 
 use super::data::{LogError, bad};
 use super::spec::{Axes, LogSpec, RootColumns, Units};
-use crate::{arrays::Arrays, internal::*};
 use crate::table::{Place, Row, Table, twice};
+use crate::{arrays::Arrays, internal::*};
 
 /// Largest number that is taken for a measurement, in SI units; of times since some epoch, too.
 const MOST: f64 = 1e11;

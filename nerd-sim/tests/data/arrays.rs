@@ -36,9 +36,11 @@ fn npz(arrays: &[Array], kind: &str, fortran: &str) -> Vec<u8> {
 }
 
 fn tensors(arrays: &[Array]) -> Vec<u8> {
-    let raw: Vec<_> = arrays.iter().map(|(name, shape, x)| (name, shape, x.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>())).collect();
+    let raw: Vec<_> =
+        arrays.iter().map(|(name, shape, x)| (name, shape, x.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>())).collect();
     let view = |(name, shape, bytes)| (name, TensorView::new(Dtype::F64, Vec::clone(shape), bytes).expect("a view"));
-    safetensors::serialize(raw.iter().map(|(name, shape, bytes)| view((*name, *shape, bytes))), None::<HashMap<String, String>>).expect("a file")
+    safetensors::serialize(raw.iter().map(|(name, shape, bytes)| view((*name, *shape, bytes))), None::<HashMap<String, String>>)
+        .expect("a file")
 }
 
 /// What is said of a log whose arrays are in a file of this name.
@@ -51,12 +53,14 @@ fn read(folder: &Path, toml: &str, name: &str, bytes: &[u8]) -> Result<Log, nerd
 /// Tosses as arrays of trajectories and rows: all numbers of a pose, and of its rates, in one.
 fn stacked(all: &[Toss]) -> (Vec<Array>, String) {
     let flat = columns(&text(all));
-    let some = |range: std::ops::Range<usize>| (0..flat[0].2.len()).flat_map(|row| flat[range.clone()].iter().map(move |c| c.2[row])).collect();
+    let some =
+        |range: std::ops::Range<usize>| (0..flat[0].2.len()).flat_map(|row| flat[range.clone()].iter().map(move |c| c.2[row])).collect();
     let [n, rows] = [all.len(), all[0].states.len()];
     let arrays = [("t", vec![n, rows], 1..2), ("pose", vec![n, rows, 7], 2..9), ("rates", vec![n, rows, 6], 9..15)];
-    let toml = ["px", "py", "pz", "qw", "qx", "qy", "qz"].iter().enumerate().fold(header().replace("trajectory = \"toss\"\n", ""), |toml, (k, c)| {
-        toml.replace(&format!("\"{c}\""), &format!("\"pose.{k}\""))
-    });
+    let toml = ["px", "py", "pz", "qw", "qx", "qy", "qz"]
+        .iter()
+        .enumerate()
+        .fold(header().replace("trajectory = \"toss\"\n", ""), |toml, (k, c)| toml.replace(&format!("\"{c}\""), &format!("\"pose.{k}\"")));
     let rates = ["vx", "vy", "vz", "wx", "wy", "wz"].iter().enumerate();
     let toml = rates.fold(toml, |toml, (k, c)| toml.replace(&format!("\"{c}\""), &format!("\"rates.{k}\"")));
     (arrays.into_iter().map(|(name, shape, range)| (name.to_string(), shape, some(range))).collect(), toml)
@@ -80,7 +84,8 @@ fn arrays_say_what_the_table_says() {
     let frames = read(folder.path(), &toml.replace("time = \"t\"\n", ""), "b.npz", &npz(&arrays[1..], "<f8", "False")).expect("arrays");
     assert_eq!(frames.trajectories, told.trajectories);
     let single = read(folder.path(), &toml, "c.npz", &npz(&arrays, "<f4", "False")).expect("arrays");
-    let pairs = single.trajectories.iter().zip(&told.trajectories).flat_map(|(a, b)| a.states.iter().flatten().zip(b.states.iter().flatten()));
+    let pairs =
+        single.trajectories.iter().zip(&told.trajectories).flat_map(|(a, b)| a.states.iter().flatten().zip(b.states.iter().flatten()));
     let apart = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     assert!(apart > 0.0 && apart < 1e-5, "{apart} apart in single precision");
 
@@ -98,11 +103,14 @@ fn arrays_say_what_the_table_says() {
 #[test]
 fn torques_have_gaps_in_arrays_too() {
     let (system, folder) = (built_in("cartpole"), tempfile::tempdir().expect("a folder"));
-    let joints = system.robot.joints().zip(["a", "b"]).map(|(joint, k)| {
-        format!("[[joint]]\nname = \"{}\"\nposition = \"q{k}\"\nvelocity = \"v{k}\"\ntorque = \"u{k}\"\n", joint.name)
-    });
+    let joints =
+        system.robot.joints().zip(["a", "b"]).map(|(joint, k)| {
+            format!("[[joint]]\nname = \"{}\"\nposition = \"q{k}\"\nvelocity = \"v{k}\"\ntorque = \"u{k}\"\n", joint.name)
+        });
     let toml = format!("file = \"cube.csv\"\nrobot = \"cartpole\"\nscene = \"free\"\n{}", joints.collect::<String>());
-    let row = |k: usize| format!("{:.9},0.1,0.5,0,{},0\n", 0.5 * k as f64 * system.frame_time, if k == 7 { String::new() } else { k.to_string() });
+    let row = |k: usize| {
+        format!("{:.9},0.1,0.5,0,{},0\n", 0.5 * k as f64 * system.frame_time, if k == 7 { String::new() } else { k.to_string() })
+    };
     let csv: String = ["qa,qb,va,vb,ua,ub\n".to_string()].into_iter().chain((0..20).map(row)).collect();
     let told = read(folder.path(), &toml, "cube.csv", csv.as_bytes()).expect("a table");
     assert_eq!(told.trajectories.iter().map(|t| t.states.len()).collect::<Vec<_>>(), [8, 12], "{:?}", told.notes);
@@ -123,13 +131,18 @@ fn arrays_that_cannot_be_right_are_refused() {
     let short = changed(&|a| (a[1].1, a[1].2) = (vec![3, 59, 7], a[1].2[..3 * 59 * 7].to_vec()));
     let one = |name: &str, to: &str| toml.replace(&format!("\"{name}\""), &format!("\"{to}\""));
     let cases: [(&str, Vec<u8>, String, &[&str]); 12] = [
-        ("no array", good.clone(), one("rates.2", "speed.2"), &["a.npz", "`speed.2`", "pose, rates, t"]),
+        ("no array", good.clone(), one("rates.2", "speed.2"), &["a.npz", "`speed.2`", "t, pose, rates"]),
         ("no component", good.clone(), one("rates.5", "rates.6"), &["`rates.6`", "[3, 60, 6]"]),
         ("no component named", good.clone(), one("rates.5", "rates"), &["`rates`", "[3, 60, 6]", "NAME.0"]),
         ("rows", short, toml.clone(), &["`t` and `pose.0`", "3 x 60", "3 x 59"]),
         ("NaN", changed(&|a| a[1].2[(60 + 17) * 7 + 2] = f64::NAN), toml.clone(), &["trajectory 1, row 17, column `pose.2`", "NaN"]),
         ("length", changed(&|a| a[1].2[3] *= 2.0), toml.clone(), &["trajectory 0, row 0", "quaternion of length"]),
-        ("time", changed(&|a| a[0].2[61] = 0.0), toml.clone(), &["trajectory 1, row 1, column `t`", "trajectory 1, row 0", "time must go on"]),
+        (
+            "time",
+            changed(&|a| a[0].2[61] = 0.0),
+            toml.clone(),
+            &["trajectory 1, row 1, column `t`", "trajectory 1, row 0", "time must go on"],
+        ),
         ("huge", changed(&|a| a[2].2[5] = 1e300), toml.clone(), &["trajectory 0, row 0", "at most"]),
         ("type", npz(&arrays, "<f2", "False"), toml.clone(), &["`pose`", "<f2", "float32"]),
         ("order", npz(&arrays, "<f8", "True"), toml.clone(), &["numpy.ascontiguousarray(pose)"]),

@@ -163,6 +163,8 @@ fn shown(subject: &Subject, id: u64, frames: usize) -> Vec<Trial> {
     states.iter_mut().for_each(|state| subject.shift(&mut state[..2], -1.0));
     let trajectory = nerd_sim::log::Trajectory { id, torques: [&torques[..], &[vec![0.0; 2]]].concat(), states };
     let log = Log {
+        about: None,
+        cost: None,
         system: subject.system.clone(),
         scene: "free".into(),
         trajectories: vec![trajectory],

@@ -112,7 +112,8 @@ pub fn verdict(system: &Arc<System>, scene: &Arc<Scene>, model: &Model, protocol
         }
         let (robot, quantities) = (system.name.clone(), summary_names(system));
         let (scene, truth) = (scene.name.clone(), truth.name());
-        Ok::<_, Error>(Verdict { robot, scene, truth, protocol, quantities, model: own, base, hold: None, linear, articulated, beside: None })
+        let (hold, beside) = (None, None);
+        Ok::<_, Error>(Verdict { robot, scene, truth, protocol, quantities, model: own, base, hold, linear, articulated, beside })
     })?;
     bar.finish();
     Ok(Some(found))

@@ -109,8 +109,12 @@ impl Passive {
         for case in cases {
             let Protocol { starts, frames, seed, drive, before, every, beside, evaluations, .. } = case.asked.clone();
             let evaluated = evaluations != Protocol::default().evaluations;
-            let idle =
-                [("--before", before.is_some()), ("--every", every.is_some()), ("--beside", beside.is_some()), ("--evaluations", evaluated)];
+            let idle = [
+                ("--before", before.is_some()),
+                ("--every", every.is_some()),
+                ("--beside", beside.is_some()),
+                ("--evaluations", evaluated),
+            ];
             unused(&idle, "without --data")?;
             let system = System::named(&case.robot)?;
             let mut scenes: Vec<&str> = case.asked.scene.iter().map(String::as_str).collect();
