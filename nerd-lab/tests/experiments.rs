@@ -5,8 +5,6 @@ use std::path::{Path, PathBuf};
 use nerd_lab::experiments::calibrated::{CalibratedAll, Calibration, Runs};
 use nerd_lab::experiments::motions::{MotionErrors, Motions, Row as MotionRow};
 use nerd_lab::experiments::passive::{Case, Passive, Protocol, Row, Rows, unworthy};
-use nerd_lab::experiments::plans::Plans;
-use nerd_lab::experiments::race::Race;
 use nerd_lab::experiments::{Entry, Experiment, conduct};
 use nerd_lab::report::manifest::{Entry as Made, Manifest};
 use nerd_lab::report::{Artifact, write_json};
@@ -199,48 +197,6 @@ fn a_solver_that_cannot_is_left_out_and_the_others_go_on() {
     assert!(reason.contains("`j` has dry friction"), "{reason}");
 }
 
-fn plans(ahead: &[&str]) -> Plans {
-    let mut asked = Plans::default();
-    (asked.task, asked.games, asked.samples, asked.steps) = (vec!["cartpole-swingup".into()], 2, Some(2), Some(2));
-    asked.ahead = ahead.iter().map(|name| (*name).into()).collect();
-    asked
-}
-
-#[test]
-fn where_planners_look_ahead_is_said_once_and_in_one_way() {
-    for name in ["x+4", "x04", "x0", "x", "x10001", "4", "x-1", "X1"] {
-        let said = refusal(plans(&[name]).about());
-        assert!(said.contains(&format!("ahead={name}:")), "{said}");
-    }
-    let said = refusal(plans(&["x1", "x2", "x1"]).about());
-    assert!(said.contains("ahead") && said.contains("`x1` is named twice"), "{said}");
-    plans(&["x1", "neural"]).about().expect("each is something else");
-}
-
-/// No frame of it can be stepped, and none has slopes.
-struct Broken;
-
-impl Solver for Broken {
-    fn step(&mut self, batch: &mut Batch, _: &[f64]) -> Result<(), StepError> {
-        let of = |env: usize| nerd_sim::solver::Fault { env, frame: batch.frames[env], reason: "broken".into() };
-        Err(StepError::Environments((0..batch.len()).map(of).collect()))
-    }
-
-    fn back(&mut self, batch: &Batch, _: &[f64], _: usize, _: &[f64]) -> Result<nerd_sim::solver::Slopes, StepError> {
-        self.step(&mut batch.clone(), &[]).map(|()| Default::default())
-    }
-}
-
-#[test]
-fn a_planner_that_cannot_look_ahead_fails_in_its_games_and_ends_nothing() {
-    let make = |_: &Arc<System>, _: &Arc<Scene>| -> nerd_train::Result<Box<dyn Solver>> { Ok(Box::new(Broken)) };
-    let arena = Arena::Guest("broken".into(), Arc::new(make));
-    for planner in ["mppi", "ilqr"] {
-        let row = plans(&["x1"]).row("cartpole-swingup", planner, &arena).unwrap_or_else(|error| panic!("{planner}: {error}"));
-        assert!(row.games == 2 && row.success == 0.0 && row.hertz > 0.0 && row.reward.is_some(), "{planner}: {row:?}");
-    }
-}
-
 fn motions(robot: &str) -> Motions {
     let mut asked = Motions::default();
     (asked.robot, asked.starts, asked.frames, asked.substeps) = (robot.into(), 2, 12, 2);
@@ -315,29 +271,6 @@ fn every_judge_has_a_column_and_every_policy_a_row() {
     judges.mujoco = Some("/nowhere/python".into());
     let refused = refusal(judges.measure());
     assert!(refused.contains("/nowhere/python"), "{refused}");
-}
-
-#[test]
-fn a_run_against_the_clock_is_made_once_and_another_one_is_refused() {
-    let folder = tempfile::tempdir().expect("temporary folder");
-    let mut race = Race::default();
-    (race.task, race.entrant, race.seeds) = (vec!["cartpole-swingup".into()], vec!["shac-x1".into()], vec![3]);
-    // It ends by itself.
-    (race.environments, race.iterations, race.seconds, race.games) = (Some(4), Some(2), 1e6, 0);
-    race.runs = folder.path().join("runs");
-    let first = race.measure().expect("measured");
-    let kept = &first.data["rows"][0]["kept"];
-    assert_eq!((kept.as_array().map(Vec::len), &kept[0]["iteration"]), (Some(1), &2.into()), "the last policy alone is kept: {kept}");
-    let file = race.runs.join("cartpole-swingup-shac-x1-3/run.json");
-    let made = std::fs::read(&file).expect("the run");
-    race.games = 3;
-    let played = race.measure().expect("played");
-    assert!(made == std::fs::read(&file).expect("the run"), "it was made again");
-    assert!(played.data["rows"][0]["rewards"][0]["mean"].is_f64(), "{:?}", played.data);
-    race.iterations = Some(3);
-    assert!(refusal(race.measure()).contains("take another --set runs"));
-    race.entrant = vec!["sac-neural".into()];
-    assert!(refusal(race.measure()).contains("--set entrant=sac-neural"));
 }
 
 /// Of a family: who is told errs less than who goes by the files, a model that learned nothing has its rows, and what makes no sense is refused.

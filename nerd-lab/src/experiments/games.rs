@@ -65,30 +65,21 @@ fn gap_error(real: &[Game], learned: &[Game]) -> f64 {
     100.0 * real.iter().zip(learned).map(square).sum::<f64>().sqrt() / (real.len() as f64 * r.abs())
 }
 
-/// Where a task's episodes run, in a word: `neural` (the model that comes with the project), `truth`, or `x4` and so on (articulated with so
-/// many substeps, implicit ones where the robot touches anything).
-pub fn arena_of(task: &str, word: &str, device: Device) -> Result<Arena> {
-    let robot = named(task)?.robot();
-    if word == "neural" {
-        return Ok(Arena::Model { folder: shipped::model_of_task(task, robot), device });
-    }
-    let bare = System::named(robot)?.robot.contact_points.is_empty();
-    let number = word.strip_prefix('x').and_then(|n| n.parse::<u64>().ok().filter(|own| own.to_string() == n));
-    let setting = match number.filter(|n| SUBSTEPS.contains(n)).map(|n| n as usize) {
-        Some(n) if bare => Setting::Rk4(n),
-        Some(n) => Setting::Implicit(n),
-        _ if word == "truth" => Setting::Accurate,
-        _ => bail!("{word}: neural, truth, or a number of substeps as in x4 is needed, {} at most", SUBSTEPS.end()),
-    };
+/// The model that comes with the project for a task.
+pub fn learned(task: &str, device: Device) -> Result<Arena> {
+    Ok(Arena::Model { folder: shipped::model_of_task(task, named(task)?.robot()), device })
+}
+
+/// The truth of every robot, on a device.
+pub fn truth_on(device: Device) -> Result<Arena> {
     #[cfg(feature = "cuda")]
     if device.is_cuda() {
-        return Ok(Arena::Card(setting));
+        return Ok(Arena::Card(Setting::Accurate));
     }
-    #[cfg(not(feature = "cuda"))]
     if device.is_cuda() {
         bail!("--device {device} needs a build with `--features cuda`");
     }
-    Ok(if word == "truth" { Arena::Truth(Truth::Articulated) } else { Arena::Judge(setting) })
+    Ok(Arena::Truth(Truth::Articulated))
 }
 
 /// What an arena's motions depend on.

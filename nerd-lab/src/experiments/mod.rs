@@ -10,9 +10,7 @@ pub mod judges;
 pub mod learned;
 pub mod motions;
 pub mod passive;
-pub mod plans;
 pub mod policies;
-pub mod race;
 pub mod registry;
 pub mod stability;
 

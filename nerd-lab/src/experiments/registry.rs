@@ -21,12 +21,10 @@ pub static REGISTRY: &[Entry] = &[
         "Policies in solvers that they never trained in: finer steps, rapier, the reference's preset, MuJoCo",
     ),
     entry::<super::motions::Motions>("motions", "Errors of solvers along motions of a data set's kind that none has seen"),
-    entry::<super::plans::Plans>("plans", "Planners that look ahead in a model or in articulated, acted in the truth, beside a policy"),
     entry::<super::policies::Policies>(
         "policies",
         "Policies in the truth and in the model that learned it; with `fresh`, the strict protocol",
     ),
-    entry::<super::race::Race>("race", "Policies that learn against the clock, by PPO and by SHAC, in a model and in articulated"),
 ];
 
 const fn entry<T: Settings + Experiment + 'static>(name: &'static str, about: &'static str) -> Entry {

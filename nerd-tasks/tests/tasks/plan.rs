@@ -218,6 +218,35 @@ fn ilqr_plans_for_each_environment_as_if_it_were_alone() {
     }
 }
 
+/// None of its frames can be stepped.
+struct Broken;
+
+impl Solver for Broken {
+    fn step(&mut self, batch: &mut Batch, _: &[f64]) -> Result<(), StepError> {
+        Err(StepError::Environments((0..batch.len()).map(|env| Fault { env, frame: 0, reason: "broken".into() }).collect()))
+    }
+
+    fn back(&mut self, batch: &Batch, _: &[f64], _: usize, _: &[f64]) -> Result<Slopes, StepError> {
+        self.step(&mut batch.clone(), &[]).map(|()| Slopes::default())
+    }
+}
+
+#[test]
+fn who_cannot_look_ahead_at_all_acts_all_the_same() {
+    let config = IlqrConfig { steps: 2, search: 2, ..IlqrConfig::default() };
+    let ilqr = Ilqr::new(cartpole(Broken, 0, 2), config).expect("it has residuals");
+    let planners: [(&str, Box<dyn Planner>); 2] =
+        [("mppi", Box::new(Mppi::new(cartpole(Broken, 0, 16), CONFIG))), ("ilqr", Box::new(ilqr))];
+    for (name, mut planner) in planners {
+        let mut truth = cartpole(quick(), 0, 1);
+        for step in 0..4 {
+            let action = planner.act(&truth).unwrap_or_else(|error| panic!("{name}, step {step}: {error}"));
+            assert!(action.len() == 1 && action[0].abs() <= 1.0, "{name}, step {step}: {action:?}");
+            truth.step(&action).expect("finite");
+        }
+    }
+}
+
 #[test]
 fn ilqr_reaches_by_slopes_through_the_solver() {
     // Two frames a step under a position law, torques, a pole to swing up, feet on the ground.

@@ -75,19 +75,6 @@ fn read(folder: &Path, config: PolicyConfig, task: &dyn Task) -> Result<(PolicyC
     Ok((config, policy))
 }
 
-/// Writes policies, those of one run at several times, into one file.
-pub fn save_all(path: &Path, policies: &[Policy]) -> Result<()> {
-    let mut file = Tensors::default();
-    policies.iter().enumerate().for_each(|(k, policy)| put(&mut file, &format!("{k}."), policy));
-    file.save(path)
-}
-
-/// Reads so many of them, of a shape.
-pub fn load_all(path: &Path, shape: &Shape, policies: usize) -> Result<Vec<Policy>> {
-    let file = Tensors::open(path)?;
-    (0..policies).map(|k| get(&file, &format!("{k}."), shape.clone())).collect()
-}
-
 /// A policy's network and moments, under names that begin so.
 pub(super) fn put(file: &mut Tensors, prefix: &str, policy: &Policy) {
     file.put_network(&tensors(prefix, &policy.shape), &policy.flat);

@@ -59,7 +59,7 @@ pub use loss::Terms;
 pub use noise::StreamKey;
 pub use normalizer::RunningMoments;
 pub use pilot::Policies;
-pub use play::{Game, plan, play};
+pub use play::{Game, play};
 pub use policy::{Actor, Answer, Policy, Shape};
 pub use rollout::{Ended, Rollout, Running, Taken};
 pub use run::{Learned, PolicyRun};

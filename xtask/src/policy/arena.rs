@@ -1,6 +1,6 @@
 //! Options for the simulator that a policy acts in.
 
-use nerd_lab::experiments::games::arena_of;
+use nerd_lab::experiments::games::{learned, truth_on};
 use nerd_train::ppo::Arena;
 
 use crate::{options::MODELS, prelude::*, solvers::SolverName};
@@ -25,8 +25,8 @@ impl ArenaArgs {
         unused(&[("--model", self.model.is_some() && self.solver != SolverName::Neural)], "without --solver neural")?;
         match (self.solver, self.model) {
             (SolverName::Neural, Some(folder)) => Ok(Arena::Model { folder, device }),
-            (SolverName::Neural, None) => arena_of(task, "neural", device),
-            (SolverName::Articulated, _) => arena_of(task, "truth", device),
+            (SolverName::Neural, None) => learned(task, device),
+            (SolverName::Articulated, _) => truth_on(device),
             (SolverName::Rapier, _) if device.is_cuda() => {
                 bail!("--device {device}: rapier is on the CPU; leave it out, or take --solver articulated")
             }

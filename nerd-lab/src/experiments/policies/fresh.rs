@@ -3,7 +3,7 @@
 
 use nerd_train::ppo::{PolicyRun, folder};
 
-use super::super::games::arena_of;
+use super::super::games::truth_on;
 use super::Policies;
 use crate::{paper::policy_reward, prelude::*};
 
@@ -19,7 +19,7 @@ impl Policies {
             let (model, truth) = self.host(&task)?;
             let learned = Arena::Model { folder: model, device: self.device };
             // On the card, where it can be.
-            let home = if truth == Truth::Articulated { arena_of(&task, "truth", self.device)? } else { Arena::Truth(truth) };
+            let home = if truth == Truth::Articulated { truth_on(self.device)? } else { Arena::Truth(truth) };
             for (word, arena, seeds) in [("neural", learned, &self.fresh), ("truth", home, &self.truth_seeds)] {
                 let config = arena.settings(&task, Some(&self.recipe), None)?;
                 for seed in seeds {
