@@ -199,56 +199,6 @@ fn a_linearised_frame_goes_along_any_direction() {
     }
 }
 
-#[test]
-fn slopes_of_a_rollout_are_products_of_those_of_its_frames() {
-    const FRAMES: usize = 32;
-    for (name, scene) in [("cartpole", "free"), ("pendulum", "ground1"), ("ant", "ground"), ("anymal", "ground")] {
-        let (system, mut solver, mut random) = (built_in(name), settled(four()), stream(2, 0));
-        let robot = &system.robot;
-        let (rows, joints, envs) = (2 * robot.nv(), robot.joint_count(), 20);
-        let pushes: Vec<Vec<f64>> = (0..FRAMES).map(|_| pushed(&system, envs, &mut random)).collect();
-        let mut batches = vec![begun(&system, scene, envs)];
-        for torques in &pushes {
-            let mut next = batches[batches.len() - 1].clone();
-            solver.step(&mut next, torques).expect("steps");
-            batches.push(next);
-        }
-        // Of a random sum of the last state, by the first state and all torques along random directions, in one batch.
-        let by_last = direction(envs * rows, &mut random);
-        let along = direction(envs * rows, &mut random);
-        let along_torques: Vec<Vec<f64>> = (0..FRAMES).map(|_| direction(envs * joints, &mut random)).collect();
-        let (mut by_state, mut found) = (by_last.clone(), vec![0.0; envs]);
-        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        for ((batch, torques), along) in batches.iter().zip(&pushes).zip(&along_torques).rev() {
-            let slopes = solver.back(batch, torques, 1, &by_state).expect("slopes");
-            (0..envs).for_each(|e| found[e] += dot(&slopes.torques[e * joints..][..joints], &along[e * joints..][..joints]));
-            by_state = slopes.states;
-        }
-        (0..envs).for_each(|e| found[e] += dot(&by_state[e * rows..][..rows], &along[e * rows..][..rows]));
-        let mut errors: Vec<f64> = (0..envs)
-            .map(|e| {
-                let last = batches[FRAMES].state(e);
-                let (expected, _) = central(3e-6, |by| {
-                    let mut state = batches[0].state(e).to_vec();
-                    let change: Vec<f64> = along[e * rows..][..rows].iter().map(|x| x * by).collect();
-                    moved(robot, batches[0].state(e), &change, &mut state);
-                    for (torques, along) in pushes.iter().zip(&along_torques) {
-                        let torques = torques.iter().zip(along).map(|(t, a)| t + a * by);
-                        let torques: Vec<f64> = torques.skip(e * joints).take(joints).collect();
-                        state = stepped(&mut solver, &batches[0], &state, &torques);
-                    }
-                    vec![dot(&difference(robot, last, &state), &by_last[e * rows..][..rows])]
-                });
-                apart(&[found[e]], &expected)
-            })
-            .collect();
-        errors.sort_by(f64::total_cmp);
-        let (median, most) = (errors[envs / 2], errors[envs * 9 / 10 - 1]);
-        println!("{name}, {scene}: error of {FRAMES} frames {median:.1e} (median), {most:.1e} (nine of ten)");
-        assert!(median < EXACT && most < EXACT, "{name}, {scene}");
-    }
-}
-
 #[cfg(feature = "calibrate")]
 #[test]
 fn slopes_by_parameters_are_those_of_central_differences() {

@@ -3,7 +3,6 @@
 //! ```text
 //! cargo run --release -p nerd-train --features cuda --example check              all parts
 //! cargo run --release -p nerd-train --features cuda --example check -- PART..    some of them
-//! cargo run --release -p nerd-train --features cuda --example check -- shac 30    policies learn for so many seconds
 //! torchrun --no-python --nproc-per-node 2 target/release/examples/check ranks    several cards
 //! ```
 //!
@@ -35,7 +34,7 @@ const PARTS: [Part; 16] = [
     ("robots", training::robots),
     ("ranks", training::ranks),
     ("solvers", solvers::solvers),
-    ("paces", solvers::paces),
+    ("predictions", solvers::predictions),
     ("slopes", slopes::slopes),
     ("shac", shac::shac),
     ("slopes-cost", cost::cost),
@@ -43,14 +42,9 @@ const PARTS: [Part; 16] = [
     ("tasks", policies::tasks),
 ];
 
-/// That a policy learns for, unless a number is given.
-const SECONDS: f64 = 15.0;
-
 fn main() -> Outcome {
     let names: Vec<String> = std::env::args().skip(1).collect();
-    let seconds = names.iter().find_map(|word| word.parse().ok()).unwrap_or(SECONDS);
-    let names: Vec<String> = names.into_iter().filter(|word| word.parse::<f64>().is_err()).collect();
-    let mut checks = Checks::new(seconds);
+    let mut checks = Checks::default();
     for (name, part) in PARTS.iter().filter(|(name, _)| names.is_empty() || names.iter().any(|asked| asked == name)) {
         println!("{name}");
         if let Err(error) = part(&mut checks) {

@@ -1,4 +1,4 @@
-//! SHAC on the card: its gradient and its critic are the CPU's, and what policies learn by it in a while.
+//! SHAC on the card: its gradient and its critic are the CPU's.
 
 use crate::policies::under_way;
 use crate::with::*;
@@ -8,10 +8,6 @@ const N: usize = 64;
 const HORIZON: usize = 8;
 /// Gradients may be as far apart, as a share of their size.
 const APART: f64 = 1e-3;
-/// Episodes that a policy plays in the truth.
-const GAMES: usize = 64;
-/// Seconds between two lines.
-const EVERY: f64 = 1.0;
 const TASKS: [&str; 3] = ["cartpole-swingup", "ant-run", "anymal-forward"];
 
 fn model(task: &str, device: Device) -> Outcome<Arena> {
@@ -75,23 +71,14 @@ fn critics(engine: &mut dyn Engine) -> Outcome<[Vec<f32>; 2]> {
     both.try_into().map_err(|_| "two critics are learned".into())
 }
 
-/// Gradients and updates are the CPU's; then policies learn.
+/// Gradients and updates are the CPU's.
 pub fn shac(checks: &mut Checks) -> Outcome {
-    let mut begun = Vec::new();
-    for exact in [false, true] {
-        for task in TASKS {
-            let name = if exact { "articulated" } else { "model" };
-            let both =
-                if exact { [articulated(true), articulated(false)] } else { [model(task, Device::CudaF32)?, model(task, Device::Cpu)?] };
-            if let Err(error) = gradients(checks, task, name, &both) {
-                checks.demand(false, format!("{task} in the {name}: {error}"));
-            }
-            begun.push((task, if exact { Arena::Card(Setting::Implicit(4)) } else { model(task, Device::Cuda)? }));
-        }
-    }
-    for (task, arena) in begun {
-        if let Err(error) = learning(task, &arena, checks.seconds) {
-            checks.demand(false, format!("{task} in {}: {error}", arena.word()));
+    for (task, exact) in TASKS.into_iter().flat_map(|task| [(task, false), (task, true)]) {
+        let name = if exact { "articulated" } else { "model" };
+        let both =
+            if exact { [articulated(true), articulated(false)] } else { [model(task, Device::CudaF32)?, model(task, Device::Cpu)?] };
+        if let Err(error) = gradients(checks, task, name, &both) {
+            checks.demand(false, format!("{task} in the {name}: {error}"));
         }
     }
     Ok(())
@@ -114,38 +101,5 @@ fn gradients(checks: &mut Checks, task: &str, name: &str, [card, cpu]: &[Arena; 
     let seconds = started.elapsed().as_secs_f64();
     checks
         .demand(there.parts > 0 && apart < APART && earned < APART && critic.iter().all(|x| *x < 1e-2), format!("{what}; {seconds:.1} s"));
-    Ok(())
-}
-
-/// What a policy learns in so many seconds, beside the one iteration in which kernels are made: reward by time, and what the time goes to.
-fn learning(task: &str, arena: &Arena, seconds: f64) -> Outcome {
-    let (title, made) = (format!("{task}, {}", arena.word()), Instant::now());
-    let mut run = arena.trainer(named(task)?, PpoConfig::shac(task)?, 1, &Default::default())?;
-    run.iterate()?;
-    println!("   {title}: kernels in {:.1} s", made.elapsed().as_secs_f64());
-    let (started, mut told, mut parts, mut count) = (Instant::now(), 0.0, Vec::<(&str, f64)>::new(), 0);
-    while run.state.iteration < run.config.iterations && started.elapsed().as_secs_f64() < seconds {
-        let line = run.iterate()?;
-        let (passed, spent) = (started.elapsed().as_secs_f64(), run.engine.spent());
-        parts.resize(spent.len(), ("", 0.0));
-        parts.iter_mut().zip(spent).for_each(|(sum, (name, x))| *sum = (name, sum.1 + x));
-        count += 1;
-        if passed > told + EVERY || run.state.iteration == run.config.iterations {
-            told = passed;
-            let split: Vec<String> = parts.drain(..).map(|(name, x)| format!("{name} {:.2}", 1e3 * x / f64::from(count))).collect();
-            let (reward, length) = (line.reward.unwrap_or(f64::NAN), line.length.unwrap_or(f64::NAN));
-            println!(
-                "   {title}, {passed:.1} s, iteration {}: reward {reward:.1} over {length:.0} steps, {} failed; ms: {}",
-                line.step,
-                line.failed,
-                split.join(", ")
-            );
-            count = 0;
-        }
-    }
-    let mut truth = Arena::Truth(Truth::Articulated).episodes(task, GAMES, 77)?;
-    let games = play(&run.state.policy, &mut truth, &mut |_| ())?;
-    let mean = games.iter().map(|game| game.reward).sum::<f64>() / games.len() as f64;
-    println!("   {title}: {mean:.1} in the truth");
     Ok(())
 }

@@ -107,9 +107,8 @@ impl Stream for Noted {
     }
 }
 
-/// The Ant's model: whole frames a second, and how far predictions are from the CPU's, by the arithmetic of its products.
-pub fn paces(checks: &mut Checks) -> Outcome {
-    const FRAMES: usize = 200;
+/// The Ant's model: how far predictions are from the CPU's, by the arithmetic of its products.
+pub fn predictions(checks: &mut Checks) -> Outcome {
     let (ant, folder, n) = (System::named("ant")?, Path::new("models/ant"), 8192);
     let (mut many, model) = (batch(&ant, n)?, Model::load(folder, &ant, None)?);
     let setting = Setting::Neural(folder.into());
@@ -126,21 +125,7 @@ pub fn paces(checks: &mut Checks) -> Outcome {
         let off = found.iter().zip(&wanted).map(|(a, b)| f64::from((a - b).abs()));
         let most = worse(0.0, off.clone());
         errors.push((off.map(|x| x * x).sum::<f64>() / wanted.len() as f64).sqrt());
-        let mut solver = resident(&setting, &ant, Real::F32, precision)?;
-        let mut microseconds = |mut batch: Batch| {
-            // Kernels are compiled, and a frame is captured.
-            solver.roll(&mut batch, &idle, 2)?;
-            let began = Instant::now();
-            solver.roll(&mut batch, &idle, FRAMES)?;
-            Ok::<_, StepError>(began.elapsed().as_secs_f64() * 1e6 / FRAMES as f64)
-        };
-        let all = microseconds(many.clone())?;
-        println!(
-            "   {precision:?}: {:.2} M frames/s of {n} environments, {all:.0} us a frame; predictions {:.1e} from the CPU's in the root mean square, \
-             {most:.1e} at most, in units of a change's spread",
-            n as f64 / all,
-            errors.last().copied().unwrap_or(f64::NAN),
-        );
+        println!("   {precision:?}: predictions {most:.1e} of a change's spread from the CPU's at most");
     }
     let [full, short, half] = errors[..] else { return Ok(()) };
     checks.demand(full < 1e-5 && half < short, format!("f32, TF32 and f16 are {full:.1e}, {short:.1e} and {half:.1e} from the CPU"));

@@ -15,23 +15,18 @@ pub use nerd_tasks::{Episodes, named};
 pub use nerd_train::device::{Device, resident};
 pub use nerd_train::learner::cuda::{CudaLearner, CudaStream, Precision};
 pub use nerd_train::learner::{CpuLearner, Learner, LearnerConfig, LearnerState, Optimizer};
-pub use nerd_train::ppo::{Adam, Arena, CudaEngine, CudaShac, Engine, Policy, PpoConfig, Running, Shac, Stage, StreamKey, Trainer, play};
+pub use nerd_train::ppo::{Adam, Arena, CudaEngine, CudaShac, Engine, Policy, PpoConfig, Running, Shac, Stage, StreamKey, Trainer};
 pub use nerd_train::windows::{Windows, draw};
 
 pub type Outcome<T = ()> = Result<T, Box<dyn Error>>;
 
 /// What has been found so far.
+#[derive(Default)]
 pub struct Checks {
-    /// That policies learn for, where they do.
-    pub seconds: f64,
     failed: usize,
 }
 
 impl Checks {
-    pub fn new(seconds: f64) -> Self {
-        Self { seconds, failed: 0 }
-    }
-
     pub fn demand(&mut self, right: bool, what: String) {
         println!("{} {what}", if right { "  " } else { "NO" });
         self.failed += usize::from(!right);

@@ -3,6 +3,7 @@
 use nerd_model::device::padded;
 use nerd_train::unroll::chain::View;
 
+pub use crate::common::models::{some, worse, worst as apart};
 use crate::*;
 
 /// Rollouts of a body that are compared.
@@ -37,23 +38,6 @@ impl Numbers for Rods {
         let vectors = self.along.iter_mut().chain(&mut self.rates).flat_map(|v| v.iter_mut());
         self.gripper.numbers_mut().chain(vectors).zip(numbers).for_each(|(x, n)| *x = *n);
     }
-}
-
-/// Numbers about 0 of about this size, always the same.
-pub fn some(n: usize, size: f64) -> Vec<f64> {
-    (0..n).map(|k| size * (1.7 * k as f64 + 0.3).sin()).collect()
-}
-
-/// The larger of two; what is not a number is the worst.
-pub fn worse(most: f64, off: f64) -> f64 {
-    if off > most || off.is_nan() { off } else { most }
-}
-
-/// Largest difference, as a share of the largest of the expected numbers or of 1.
-pub fn apart(found: &[f64], expected: &[f64]) -> f64 {
-    assert_eq!(found.len(), expected.len());
-    let largest = expected.iter().fold(1e-9, |most: f64, x| most.max(x.abs()));
-    found.iter().zip(expected).map(|(a, b)| (a - b).abs() / largest).fold(0.0, worse)
 }
 
 /// What a program wrote, read in order.
