@@ -1,7 +1,6 @@
 //! What is measured of solvers, models and policies. An experiment is its settings; [`conduct`] measures it and writes
 //! `NAME/result.json`, `NAME/README.md` and its pictures. [`REGISTRY`] knows those that `cargo xtask measure` makes.
 
-pub mod benchmark;
 pub mod calibrated;
 pub mod chart;
 pub mod family;

@@ -14,7 +14,6 @@ pub struct Entry {
 }
 
 pub static REGISTRY: &[Entry] = &[
-    entry::<super::benchmark::Benchmark>("benchmark", "Solvers on graphics cards (needs --features cuda)"),
     entry::<super::family::Family>("family", "Robots of a family beside models that are told or guess them, by the frames seen"),
     entry::<super::judges::Judges>(
         "judges",

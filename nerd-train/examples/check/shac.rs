@@ -75,8 +75,7 @@ fn critics(engine: &mut dyn Engine) -> Outcome<[Vec<f32>; 2]> {
 pub fn shac(checks: &mut Checks) -> Outcome {
     for (task, exact) in TASKS.into_iter().flat_map(|task| [(task, false), (task, true)]) {
         let name = if exact { "articulated" } else { "model" };
-        let both =
-            if exact { [articulated(true), articulated(false)] } else { [model(task, Device::CudaF32)?, model(task, Device::Cpu)?] };
+        let both = if exact { [articulated(true), articulated(false)] } else { [model(task, Device::CudaF32)?, model(task, Device::Cpu)?] };
         if let Err(error) = gradients(checks, task, name, &both) {
             checks.demand(false, format!("{task} in the {name}: {error}"));
         }

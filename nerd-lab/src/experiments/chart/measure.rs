@@ -15,30 +15,30 @@ pub(super) fn all(plan: &Plan, most: usize) -> Result<(ChartData, Frames)> {
     let implicit = plan.contact() || system.held();
     let (finest, reference) = if implicit { (4 * most, "articulated, implicit") } else { (128, "articulated, RK4") };
     let exact = |n: usize| if implicit { Setting::Implicit(n) } else { Setting::Rk4(n) };
-    let solvers = methods.iter().map(|m| Ok(m.setting.solver(system)?)).collect::<Result<Vec<_>>>()?;
-    let bar = progress::bar("solvers", solvers.len() as u64 + 1);
+    let bar = progress::bar("solvers", methods.len() as u64 + 1);
     let mut truth = Recorder::new(exact(finest).solver(system)?);
     let base = passive(system, scene, &mut truth, &mut *exact(finest / 2).solver(system)?, *protocol, &mut |_| ())?;
     let truth = truth.frames;
     let [reference_error, hold] = [&base.error, &base.hold].map(|x| mean(x));
     bounds::figures(&format!("{reference}: its mean error"), &[reference_error, hold])?;
     let mut points = Vec::new();
-    for (k, (method, solver)) in methods.iter().zip(solvers).enumerate() {
+    for (k, method) in methods.iter().enumerate() {
         bar.set(k as u64 + 1);
         bar.say(&method.setting.to_string());
         let theirs = method.own.map(|own| recorded(plan, own.solver(system), &truth)).transpose()?;
         let theirs = theirs.as_ref().unwrap_or(&truth);
         let compare = |solver: &mut dyn Solver| passive(system, scene, &mut Replay::new(theirs), solver, *protocol, &mut |_| ());
-        let point = timed(solver, protocol.starts * protocol.steps, compare).map_err(Error::from);
-        let point = point.and_then(|(report, microseconds)| {
-            let Method { series, setting, own } = method;
-            let point = Point::new(series.clone(), Some(setting.clone()), setting.substeps(), microseconds, report, own.is_some());
-            bounds::figures("its mean error", &[point.error])?;
-            Ok(point)
-        });
-        match point {
-            Ok(point) => points.push(point),
-            Err(error) => bar.line(&format!("{}: left out, {error}", method.setting)),
+        for (series, found) in each(plan, method, &compare) {
+            let point = found.and_then(|(report, microseconds)| {
+                let Method { setting, own, .. } = method;
+                let point = Point::new(series, Some(setting.clone()), setting.substeps(), microseconds, report, own.is_some());
+                bounds::figures("its mean error", &[point.error])?;
+                Ok(point)
+            });
+            match point {
+                Ok(point) => points.push(point),
+                Err(error) => bar.line(&format!("{}: left out, {error}", method.setting)),
+            }
         }
     }
     bar.finish();
@@ -51,8 +51,25 @@ pub(super) fn all(plan: &Plan, most: usize) -> Result<(ChartData, Frames)> {
         hold,
         points,
         mujoco: None,
+        environments: plan.environments,
     };
     Ok((data, truth))
+}
+
+/// Errors and microseconds by series: on a GPU one for each arithmetic.
+fn each(
+    plan: &Plan,
+    Method { setting, series, .. }: &Method,
+    compare: &dyn Fn(&mut dyn Solver) -> Result<PassiveReport, StepError>,
+) -> Vec<(String, Result<(PassiveReport, f64)>)> {
+    #[cfg(feature = "cuda")]
+    if let Some(n) = plan.environments {
+        let one = |(precision, word): &(_, &str)| (format!("{series}{word}"), super::card::timed(plan, setting, *precision, n, compare));
+        return super::card::arithmetics(setting).iter().map(one).collect();
+    }
+    let frames = plan.protocol.starts * plan.protocol.steps;
+    let found = setting.solver(&plan.system).map_err(Error::from).and_then(|solver| Ok(timed(solver, frames, compare)?));
+    vec![(series.clone(), found)]
 }
 
 fn recorded(plan: &Plan, truth: Box<dyn Solver>, idle: &[Vec<f64>]) -> Result<Frames> {

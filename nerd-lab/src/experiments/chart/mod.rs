@@ -4,8 +4,11 @@
 //! reference, passive motion from the robot's reset law. Time and error come from the same steps, so a broken simulation cannot
 //! be fast. The reference's own error (its distance from half its substeps) is a dashed line, as is the floor that repeats the
 //! start. A model that learned from another engine is compared with that engine, as its name says, since it cannot be nearer to
-//! the reference than what it learned. MuJoCo takes part where a Python has it (`guest`).
+//! the reference than what it learned. MuJoCo takes part where a Python has it (`guest`). With `--device cuda` time is that of a frame among
+//! many environments on a GPU (`card`).
 
+#[cfg(feature = "cuda")]
+mod card;
 mod guest;
 mod measure;
 mod plan;
@@ -35,7 +38,8 @@ impl Experiment for Chart {
             }
         }
         let effort = ((methods.len() + guests) * self.starts * self.frames) as f64;
-        Ok(About { name: format!("chart-{}-{}", system.name, scene.name), seed: self.seed, effort, inputs })
+        let there = if plan.environments.is_some() { "-cuda" } else { "" };
+        Ok(About { name: format!("chart-{}-{}{there}", system.name, scene.name), seed: self.seed, effort, inputs })
     }
 
     fn measure(&self) -> Result<Measured> {
@@ -43,7 +47,8 @@ impl Experiment for Chart {
         plan.refused.iter().for_each(|line| tell!("{line}"));
         // Begun first, for it may not be there.
         let mut referee = self.mujoco.as_ref().map(|python| guest::referee(python, &plan)).transpose()?;
-        let (mut data, reference) = on_one_core(|| measure::all(&plan, self.substeps))?;
+        let all = || measure::all(&plan, self.substeps);
+        let (mut data, reference) = if plan.environments.is_some() { all()? } else { on_one_core(all)? };
         if let Some(referee) = &mut referee {
             // What is measured of our own is kept, whatever becomes of it.
             match guest::points(referee, &plan, self.substeps, &reference, &data.reference) {

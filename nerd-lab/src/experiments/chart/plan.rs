@@ -1,6 +1,6 @@
 //! What is drawn: a chart's settings, and all that they name.
 
-use crate::{choice::describe, prelude::*, roll::refusal};
+use crate::{choice::describe, error::unused, prelude::*, roll::refusal};
 use nerd_train::cost::powers;
 
 settings! {
@@ -22,6 +22,10 @@ settings! {
         seed: u64 = 500, Whole(SEEDS);
         /// Python that has MuJoCo, to draw that engine too [default: none]
         mujoco: Option<PathBuf> = None, Text;
+        /// What is timed: a frame of one environment on one core (cpu), or of one among many on a GPU (cuda)
+        device: Device = Device::Cpu, Words(&["cpu", "cuda"]);
+        /// With --device cuda: environments that are stepped together
+        environments: usize = 8192, Whole(STARTS);
     }
 }
 
@@ -32,6 +36,8 @@ pub(super) struct Plan {
     /// Series that cannot take part, and why.
     pub refused: Vec<String>,
     pub protocol: PassiveConfig,
+    /// How many are stepped together on a GPU, if that is timed.
+    pub environments: Option<usize>,
 }
 
 pub(super) struct Method {
@@ -51,6 +57,12 @@ impl Chart {
         bounds::memory(&frames, 16 * system.robot.state_dim())?;
         // The reference has four times the substeps.
         bounds::time(&[frames[0], frames[1], ("4 x --substeps", 4 * self.substeps)])?;
+        let card = self.device.is_cuda();
+        unused(&[("--mujoco", card && self.mujoco.is_some())], "with --device cuda, which times kernels of ours")?;
+        unused(&[("--environments", !card && self.environments != Self::default().environments)], "without --device cuda")?;
+        if card && !cfg!(feature = "cuda") {
+            bail!("--device cuda needs a build with `--features cuda`");
+        }
         let mut models = self.model.clone();
         if models.is_empty() {
             models = shipped::folders(&shipped::models(), &system.name)?;
@@ -58,8 +70,10 @@ impl Chart {
             models.retain(|folder| ModelConfig::read(folder).is_ok_and(|model| model.robot == system.name));
         }
         let truth = system.spec.truth;
-        let settings = analytic(!scene.colliders.is_empty(), system.held(), self.substeps).into_iter().chain([truth.into()]);
-        let methods = settings.chain(models.into_iter().map(Setting::Neural)).map(|setting| Method::new(setting, truth));
+        let mut settings = analytic(!scene.colliders.is_empty(), system.held(), self.substeps);
+        settings.push(truth.into());
+        settings.retain(|setting| !card || setting.articulated(&system).is_some());
+        let methods = settings.into_iter().chain(models.into_iter().map(Setting::Neural)).map(|setting| Method::new(setting, truth));
         let (mut ready, mut refused) = (Vec::new(), Vec::new());
         for method in methods.collect::<Result<Vec<Method>>>()? {
             let solver = method.setting.solver(&system).map_err(|e| e.to_string());
@@ -70,7 +84,7 @@ impl Chart {
         }
         refused.dedup();
         let protocol = PassiveConfig { starts: self.starts, steps: self.frames, seed: self.seed, action: Action::Limp };
-        Ok(Plan { methods: ready, refused, system, scene, protocol })
+        Ok(Plan { methods: ready, refused, system, scene, protocol, environments: card.then_some(self.environments) })
     }
 }
 

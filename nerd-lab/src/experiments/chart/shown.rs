@@ -18,6 +18,9 @@ pub(super) struct ChartData {
     pub points: Vec<Point>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mujoco: Option<Against>,
+    /// Stepped together on a GPU, if that was timed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub environments: Option<usize>,
 }
 
 /// One mark on the chart; [`nerd_model::pick`] reads it.
@@ -28,7 +31,7 @@ pub(super) struct Point {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     setting: Option<Setting>,
     substeps: Option<usize>,
-    /// Frame of one environment on one core: the fastest of a few runs.
+    /// Frame of one environment on one core, the fastest of a few runs; or of one among many on a GPU.
     microseconds: f64,
     pub error: f64,
     /// Mean |difference| of each.
@@ -87,6 +90,10 @@ impl ChartData {
         let header = ["solver", "substeps", "us a frame", "error (rad or m)", "diverged", "front"];
         let Self { robot, scene, protocol, reference, .. } = self;
         let mut note = format!("{robot} {scene}, mean |dq| over {} frames, reference: {reference}", protocol.steps);
+        if let Some(n) = self.environments {
+            note +=
+                &format!("; us: of {n} environments together on a GPU, with 32 bits where no other arithmetic is named, transfers counted");
+        }
         if let Some(Against { version, reference, reference_error }) = &self.mujoco {
             let error = reference_error.map_or_else(String::new, |e| format!(", whose own error is {}", digits(e)));
             note += &format!(". MuJoCo {version} is compared with {reference}{error}");
@@ -102,8 +109,8 @@ impl ChartData {
         let least = self.points.iter().map(|p| p.error).fold(f64::MAX, f64::min);
         let mut levels = vec![(self.hold, "hold last".to_string())];
         levels.extend((self.reference_error > 0.1 * least).then(|| (self.reference_error, "error of the reference".into())));
-        let axes =
-            ["microseconds a frame, one environment, one core".into(), format!("mean |dq| over {} frames (rad or m)", self.protocol.steps)];
+        let of = self.environments.map_or_else(|| "one environment, one core".into(), |n| format!("one environment of {n} on a GPU"));
+        let axes = [format!("microseconds a frame, {of}"), format!("mean |dq| over {} frames (rad or m)", self.protocol.steps)];
         let title = format!("{}, {}: speed against accuracy (x4: four substeps a frame)", self.robot, self.scene);
         Figure::speed(title, axes, marks, levels)
     }
