@@ -49,7 +49,7 @@ fn begun(system: &Arc<System>, solver: &mut dyn Solver) -> Outcome<Batch> {
 }
 
 /// In one solver: the same frames alone and with their products, all of them on the card; slopes are at most so far from the CPU's in the median.
-fn beside(checks: &mut Checks, name: &str, system: &Arc<System>, solver: &mut dyn Solver, truth: &mut dyn Solver, most: f32) -> Outcome {
+fn beside(checks: &mut Checks, name: &str, system: &Arc<System>, solver: &mut dyn Solver, truth: &mut dyn Solver, most: f64) -> Outcome {
     let (batch, torques) = (begun(system, solver)?, driven(system, 100));
     let by: Vec<f64> = numbers(4, N * 2 * system.robot.nv()).into_iter().map(f64::from).collect();
     let frames = used(solver)?;
