@@ -82,7 +82,7 @@ impl Choice {
     pub fn substeps(&self) -> usize {
         match self {
             Self::Articulated(config) => config.substeps.max(config.contact_substeps),
-            Self::Setting(Setting::RapierSteps(n)) => n.saturating_mul(RapierConfig::default().iterations),
+            Self::Setting(Setting::RapierSteps(n) | Setting::RapierOwn(n)) => n.saturating_mul(RapierConfig::default().iterations),
             Self::Setting(setting) => setting.substeps().unwrap_or(1),
             Self::Neural { .. } | Self::Within(_) => 1,
         }

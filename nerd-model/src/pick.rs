@@ -35,6 +35,8 @@ pub enum Setting {
     Rapier(usize),
     /// rapier with so many outer steps, collisions found again in each, at its default of 4 iterations.
     RapierSteps(usize),
+    /// The same along the axes of a floating robot's root, as the truth of models named `ROBOT-rapier`.
+    RapierOwn(usize),
     /// A learned model, by its folder.
     Neural(PathBuf),
 }
@@ -50,6 +52,7 @@ impl Setting {
             Self::Paper => "articulated, preset paper",
             Self::Rapier(_) => "rapier, iterations of 1 step",
             Self::RapierSteps(_) => "rapier, steps of 4 iterations",
+            Self::RapierOwn(_) => "rapier, steps of 4 iterations, own axes",
             Self::Neural(_) => "NeRD",
         }
     }
@@ -57,7 +60,7 @@ impl Setting {
     /// Substeps a frame.
     pub fn substeps(&self) -> Option<usize> {
         match self {
-            Self::Rk4(n) | Self::Euler(n) | Self::Implicit(n) | Self::Rapier(n) | Self::RapierSteps(n) => Some(*n),
+            Self::Rk4(n) | Self::Euler(n) | Self::Implicit(n) | Self::Rapier(n) | Self::RapierSteps(n) | Self::RapierOwn(n) => Some(*n),
             Self::Accurate | Self::Paper | Self::Neural(_) => None,
         }
     }
@@ -71,7 +74,7 @@ impl Setting {
             Self::Implicit(n) => Some(ArticulatedConfig::implicit(*n, friction)),
             Self::Accurate => Some(ArticulatedConfig::accurate(system)),
             Self::Paper => Some(ArticulatedConfig::paper(system, friction)),
-            Self::Rapier(_) | Self::RapierSteps(_) | Self::Neural(_) => None,
+            Self::Rapier(_) | Self::RapierSteps(_) | Self::RapierOwn(_) | Self::Neural(_) => None,
         }
     }
 
@@ -87,6 +90,8 @@ impl Setting {
             (Self::Rapier(n), None) => Ok(Box::new(Rapier::new(RapierConfig::substeps(*n)))),
             #[cfg(feature = "rapier")]
             (Self::RapierSteps(n), None) => Ok(Box::new(Rapier::new(RapierConfig { steps: *n, ..RapierConfig::default() }))),
+            #[cfg(feature = "rapier")]
+            (Self::RapierOwn(n), None) => Ok(Box::new(Rapier::new(RapierConfig { steps: *n, ..Truth::rapier() }))),
             (_, None) => Err(PickError::Refused("this build has no rapier: enable the feature `rapier` of nerd-model".into())),
         }
     }
@@ -100,6 +105,7 @@ impl fmt::Display for Setting {
             Self::Paper => f.write_str("articulated paper"),
             Self::Rapier(n) => write!(f, "rapier 1x{n}"),
             Self::RapierSteps(n) => write!(f, "rapier {n}x4"),
+            Self::RapierOwn(n) => write!(f, "rapier {n}x4, own axes"),
             Self::Neural(folder) => write!(f, "NeRD of {}", folder.display()),
         }
     }
@@ -121,7 +127,7 @@ impl From<Truth> for Setting {
     fn from(truth: Truth) -> Self {
         match truth {
             #[cfg(feature = "rapier")]
-            Truth::Rapier => Self::RapierSteps(Truth::rapier().steps),
+            Truth::Rapier => Self::RapierOwn(Truth::rapier().steps),
             Truth::Paper => Self::Paper,
             _ => Self::Accurate,
         }
@@ -179,7 +185,9 @@ pub fn pick(results: &Path, robot: &str, scene: &str, tolerance: f64) -> Result<
     };
     let text = std::fs::read_to_string(&path).map_err(|e| wrong(e.to_string()))?;
     let chart: Chart = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
-    let here = |setting: &Setting| cfg!(feature = "rapier") || !matches!(setting, Setting::Rapier(_) | Setting::RapierSteps(_));
+    let here = |setting: &Setting| {
+        cfg!(feature = "rapier") || !matches!(setting, Setting::Rapier(_) | Setting::RapierSteps(_) | Setting::RapierOwn(_))
+    };
     let sound = chart.points.into_iter().filter_map(|Point { setting, microseconds, error, diverged }| {
         let kept = diverged == 0 && error >= 0.0 && error.is_finite() && microseconds > 0.0;
         setting.filter(|setting| kept && here(setting)).map(|setting| Picked { setting, microseconds, error })

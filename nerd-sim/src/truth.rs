@@ -4,6 +4,7 @@
 use crate::rapier::{Rapier, RapierConfig};
 #[cfg(feature = "rapier")]
 use crate::system::truth::{ITERATIONS, STEPS};
+#[cfg(feature = "rapier")]
 pub use crate::system::truth::{RECORDED, Truth};
 use crate::{internal::*, rig::Rig, vary::VarySpec};
 
@@ -26,6 +27,6 @@ impl Truth {
     /// rapier's settings as a truth.
     #[cfg(feature = "rapier")]
     pub fn rapier() -> RapierConfig {
-        RapierConfig { steps: STEPS, iterations: ITERATIONS, ..Default::default() }
+        RapierConfig { steps: STEPS, iterations: ITERATIONS, own_axes: true, ..Default::default() }
     }
 }

@@ -40,7 +40,7 @@ impl Judges {
         let finer = if bare { Setting::Rk4(8) } else { Setting::Implicit(2 * system.spec.substeps) };
         let mut arenas = vec![("truth".to_string(), Arena::Truth(Truth::Articulated)), ("twice the substeps".into(), Arena::Judge(finer))];
         arenas.push(("reference preset".into(), Arena::Judge(Setting::Paper)));
-        arenas.push(("rapier".into(), Arena::Truth(Truth::Rapier)));
+        arenas.push(("rapier".into(), Arena::Judge(Setting::RapierSteps(16))));
         arenas.extend(self.mujoco.clone().map(|python| ("MuJoCo".into(), mujoco(python))));
         arenas
     }

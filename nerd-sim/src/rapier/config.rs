@@ -21,11 +21,14 @@ pub struct RapierConfig {
     pub steps: usize,
     /// Restitution of every contact, from 0 to 1. Default 0; it takes the place of the compliant law's damping.
     pub restitution: f64,
+    /// Whether a floating robot's frame is stepped along the axes that its root has as the frame begins. Default no. rapier pushes along two
+    /// axes of its world for friction, so a turned robot slides elsewhere: on the Ant by more than half of the steps would change.
+    pub own_axes: bool,
 }
 
 impl Default for RapierConfig {
     fn default() -> Self {
-        Self { iterations: 4, steps: 4, restitution: 0.0 }
+        Self { iterations: 4, steps: 4, restitution: 0.0, own_axes: false }
     }
 }
 

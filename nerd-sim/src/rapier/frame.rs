@@ -40,7 +40,12 @@ impl Frame for Workspace {
         let (q, qd) = state.split_at_mut(robot.nq());
         to_local(robot, q, qd);
         self.check(robot, scene, q, qd)?;
-        self.renew(scene, config, system.frame_time);
+        let own = config.own_axes && robot.floating();
+        let turn = if own { quaternion(&q[3..7]).inverse() } else { UnitQuaternion::identity() };
+        if own {
+            turned(&turn, q, qd);
+        }
+        self.renew(scene, &turn, config, system.frame_time);
         self.place(robot, q, qd)?;
         for _ in 0..config.steps {
             self.drive(robot, tau)?;
@@ -50,6 +55,9 @@ impl Frame for Workspace {
             }
         }
         self.read(robot, q, qd)?;
+        if own {
+            turned(&turn.inverse(), q, qd);
+        }
         to_world(robot, q, qd);
         Ok(())
     }
@@ -71,18 +79,18 @@ impl Workspace {
         }
     }
 
-    /// A world that has never been stepped.
-    fn renew(&mut self, scene: &Scene, config: &RapierConfig, frame_time: f64) {
+    /// A world that has never been stepped, turned.
+    fn renew(&mut self, scene: &Scene, turn: &UnitQuaternion<f64>, config: &RapierConfig, frame_time: f64) {
         let Template { bodies, colliders, joints, .. } = &*self.template;
         self.world = PhysicsWorld {
-            gravity: to_parry(&scene.gravity),
+            gravity: to_parry(&(turn * scene.gravity)),
             integration_parameters: config.parameters(frame_time),
             bodies: bodies.clone(),
             colliders: colliders.clone(),
             multibody_joints: joints.clone(),
             ..PhysicsWorld::new()
         };
-        insert_scene(scene, config.restitution, &mut self.world.colliders);
+        insert_scene(scene, turn, config.restitution, &mut self.world.colliders);
     }
 
     /// The multibody with the bodies it moves.
@@ -206,4 +214,16 @@ impl Workspace {
         qd[3..6].copy_from_slice((speed - spin.cross(&arm)).as_slice());
         Ok(())
     }
+}
+
+/// Turns a floating root about the world's origin; velocities local.
+fn turned(turn: &UnitQuaternion<f64>, q: &mut [f64], qd: &mut [f64]) {
+    let orientation = turn * quaternion(&q[3..7]);
+    write_quaternion(&mut q[3..7], &orientation);
+    for vector3 in [&mut q[..3], &mut qd[..3]] {
+        let turned = turn * vector(vector3);
+        vector3.copy_from_slice(turned.as_slice());
+    }
+    let turned = turn * vector(&qd[3..6]);
+    qd[3..6].copy_from_slice(turned.as_slice());
 }

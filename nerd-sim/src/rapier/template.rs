@@ -104,11 +104,11 @@ fn touching(robot: &Robot, link: usize, shift: &Vector3<f64>) -> Vec<ColliderBui
     shapes.chain(balls.map(|(at, radius)| ColliderBuilder::ball(radius).translation(to_parry(&(at - shift))))).collect()
 }
 
-/// Puts a scene's colliders into a world. A pair's restitution is the larger one, that of the scene.
-pub(super) fn insert_scene(scene: &Scene, restitution: f64, colliders: &mut ColliderSet) {
+/// Puts a scene's colliders into a world that is turned about its origin. A pair's restitution is the larger one, that of the scene.
+pub(super) fn insert_scene(scene: &Scene, turn: &UnitQuaternion<f64>, restitution: f64, colliders: &mut ColliderSet) {
     for body in &scene.colliders {
         let scene::Collider { shape, pose, material, .. } = body;
-        let builder = ColliderBuilder::new(shape.clone()).position(pose_to_parry(pose));
+        let builder = ColliderBuilder::new(shape.clone()).position(pose_to_parry(&(turn * pose)));
         let builder = surface(builder, material.friction, SCENE).restitution(restitution);
         colliders.insert(builder.restitution_combine_rule(CoefficientCombineRule::Max));
     }

@@ -52,6 +52,32 @@ fn a_floating_robot_converges_to_the_articulated_solution() {
     assert!(fine < 2e-2, "{fine:.2e} at 64 outer steps, bound 2e-2");
 }
 
+/// The Ant slides and turns on the ground, and the same turned about the vertical: along its own axes it moves alike, along the world's it
+/// does not, since rapier's friction pushes along two of those.
+#[test]
+fn along_its_own_axes_a_robot_moves_alike_wherever_it_heads() {
+    let system = built_in("ant");
+    let begun = start(&system, Start::Sample, &mut stream(5, 0));
+    let headed = |angle: f64| {
+        let (turn, mut state) = (UnitQuaternion::from_axis_angle(&Vector3::y_axis(), angle), begun.clone());
+        let nq = system.robot.nq();
+        let orientation = turn * quaternion(&state[3..7]);
+        write_quaternion(&mut state[3..7], &orientation);
+        for first in [0, nq, nq + 3] {
+            let turned = turn * vector(&state[first..first + 3]);
+            state[first..first + 3].copy_from_slice(turned.as_slice());
+        }
+        at(&system, "ground", &state)
+    };
+    let [own, world] = [true, false].map(|own_axes| {
+        let after = |angle| end(&mut Rapier::new(RapierConfig { own_axes, ..Default::default() }), headed(angle), 0.0, 40);
+        let joints = |state: &[f64]| state[7..system.robot.nq()].to_vec();
+        let pairs = joints(&after(0.0)).into_iter().zip(joints(&after(1.0)));
+        pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    });
+    assert!(own < 1e-8 && world > 1e-3, "joints differ by {own:.1e} rad along its own axes, by {world:.1e} along the world's");
+}
+
 /// The reference's cube dropped flat from 0.2 m: it stays down at 0, at 0.5 it rebounds to a quarter of the height. rapier
 /// makes the impact a few per cent too weak or too strong, as its step falls.
 #[test]

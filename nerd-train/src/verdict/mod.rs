@@ -1,5 +1,5 @@
 //! What a model is worth: its errors and its time beside those of its base alone, of a linear map on the same inputs, and of the analytic
-//! solver at one substep and at the fewest that err no more.
+//! solver at one substep and at the fewest that err no more; where rapier is the truth, beside its own cheaper settings, too.
 //!
 //! All roll out from equal starts under equal torques, on one core of the CPU, and each one's time and error are of the same steps.
 
@@ -8,7 +8,7 @@ pub mod recorded;
 mod words;
 
 use nerd_model::pick::learned;
-use nerd_sim::instruments::{Hold, Recorder, Replay};
+use nerd_sim::instruments::{Hold, Recorder, Replay, Shaken};
 
 use crate::cost::{on_one_core, powers, timed};
 use crate::evaluate::{Action, PassiveConfig, passive, summary, summary_names};
@@ -21,6 +21,8 @@ pub const WORTH: f64 = 5.0;
 const ELSEWHERE: u64 = 7_000_003;
 /// Most substeps beside a truth that is not `articulated`.
 const MOST: usize = 64;
+/// Noise (rad/s or m/s) after every frame of a shaken truth, as rounding might be.
+const SHAKE: f64 = 1e-6;
 
 /// What a model is worth on a scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -47,9 +49,10 @@ pub struct Verdict {
     /// `articulated` at one substep and at more, as many as were asked for until one errs no more than the model in the mean of the
     /// quantities. Where the motion was recorded, as the robot is described and calibrated.
     pub articulated: Vec<Row>,
-    /// What another log has of the same motions: another simulator, or the recorded one in other steps.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub beside: Option<Row>,
+    /// What another log has of the same motions: another simulator, or the recorded one in other steps. Of rapier its next cheaper setting
+    /// (half of its steps), the next after that, itself, and itself shaken, which no model can be below.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub beside: Vec<Row>,
 }
 
 /// One solver's errors and time.
@@ -87,7 +90,7 @@ pub fn verdict(system: &Arc<System>, scene: &Arc<Scene>, model: &Model, protocol
     let config = own.unwrap_or_else(|| ArticulatedConfig::accurate(system));
     let most = own.map_or(MOST, |own| own.substeps.max(own.contact_substeps));
     let counts: Vec<usize> = powers(most).chain((!most.is_power_of_two()).then_some(most)).collect();
-    let bar = bar("verdict: solvers", (2 + maps.len() + counts.len()) as u64);
+    let bar = bar("verdict: solvers", (2 + maps.len() + counts.len() + if truth == Truth::Rapier { 4 } else { 0 }) as u64);
     let found = on_one_core(|| {
         let mut recorder = Recorder::new(truth.solver(system));
         passive(system, scene, &mut recorder, &mut Hold, protocol, &mut |_| ())?;
@@ -110,9 +113,17 @@ pub fn verdict(system: &Arc<System>, scene: &Arc<Scene>, model: &Model, protocol
                 articulated.push(next);
             }
         }
+        let (hold, mut beside) = (None, Vec::new());
+        if truth == Truth::Rapier {
+            for share in [2, 4, 1] {
+                let setting = Setting::RapierOwn(Truth::rapier().steps / share);
+                beside.push(row(&format!("{setting}{}", if share == 1 { " (the truth)" } else { "" }), setting.solver(system)?)?);
+            }
+            let shaken = Shaken::new(truth.solver(system), SHAKE, protocol.seed);
+            beside.push(row(&format!("the truth, shaken by {SHAKE:.0e}"), Box::new(shaken))?);
+        }
         let (robot, quantities) = (system.name.clone(), summary_names(system));
         let (scene, truth) = (scene.name.clone(), truth.name());
-        let (hold, beside) = (None, None);
         Ok::<_, Error>(Verdict { robot, scene, truth, protocol, quantities, model: own, base, hold, linear, articulated, beside })
     })?;
     bar.finish();

@@ -70,7 +70,7 @@ pub fn recorded(
         let protocol = PassiveConfig { starts: pieces.count(), steps: pieces.frames(), seed: 0, action: Action::Recorded(pieces.before) };
         let (robot, scene, truth) = (system.name.clone(), pieces.scenes[0].name.clone(), measured.truth.clone());
         let quantities = summary_names(system);
-        let beside = beside.transpose()?;
+        let beside = Vec::from_iter(beside.transpose()?);
         Ok::<_, Error>(Verdict { robot, scene, truth, protocol, quantities, model: own, base, hold, linear, articulated, beside })
     })?;
     bar.finish();

@@ -12,14 +12,14 @@ impl Verdict {
     /// A line of a table for each solver. Of the analytic ones the first and the last are shown.
     pub fn cells(&self) -> Vec<Vec<String>> {
         let (first, last) = (self.articulated.first(), self.articulated.last().filter(|_| self.articulated.len() > 1));
-        let rows = [Some(&self.model), Some(&self.base), self.hold.as_ref(), Some(&self.linear), first, last, self.beside.as_ref()];
+        let rows = [Some(&self.model), Some(&self.base), self.hold.as_ref(), Some(&self.linear), first, last];
         let cells = |row: &Row| {
             let times: Vec<String> = self.times(row).into_iter().map(short).collect();
             let lost = if row.diverged > 0 { format!(", {} diverged", row.diverged) } else { String::new() };
             let time = if row.microseconds > 0.0 { digits(row.microseconds) } else { "-".into() };
             vec![row.of.clone() + &lost, pair(&row.errors), times.join(" / "), time]
         };
-        rows.into_iter().flatten().map(cells).collect()
+        rows.into_iter().flatten().chain(&self.beside).map(cells).collect()
     }
 
     /// What to use, and by how much the network beats what has learned nothing, in one line.
@@ -46,7 +46,7 @@ impl Verdict {
             }
             None => format!("use the network: it takes {own} us, and no number of substeps of `articulated` errs as little"),
         };
-        let beside = beside.as_ref().map_or_else(String::new, |row| format!("; {} {}", row.of, self.span(row)));
+        let beside = beside.first().map_or_else(String::new, |row| format!("; {} {}", row.of, self.span(row)));
         format!("{advice}; {} errs {} times as much, a {} {}{beside}", base.of, self.span(base), linear.of, self.span(linear))
     }
 

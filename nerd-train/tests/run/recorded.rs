@@ -85,10 +85,10 @@ fn recorded_motion_is_learned_and_judged_by_what_was_held_out() {
     assert_eq!((pieces.count(), pieces.before, pieces.frames(), &pieces.states[3][..2]), (2, 3, 49, &measured.held_out[0].states[10][..]));
     let beside = Some(Beside { of: "off".into(), states, microseconds: 0.0 });
     let found = recorded(&measured, &pieces, &model, &analytic[..1], beside).expect("a verdict").expect("of a network");
-    assert!(found.beside.as_ref().is_some_and(|row| (row.errors[0] - 0.1).abs() < 1e-12), "{found}");
+    assert!(found.beside.first().is_some_and(|row| (row.errors[0] - 0.1).abs() < 1e-12), "{found}");
     assert!(found.to_string().contains("| off") && found.line().contains("; off "), "{found}");
     other.trajectories.iter_mut().for_each(|t| t.states[0][0] += 1e-9);
-    let said = measured.beside(&other, 3, None, 64).expect_err("other starts").to_string();
+    let said = measured.beside(&other, 3, None, 64).map(drop).expect_err("other starts").to_string();
     assert!(said.starts_with("--beside") && said.lines().count() == 1, "{said}");
 
     // Nothing of a model comes from what was held out.

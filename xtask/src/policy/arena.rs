@@ -7,7 +7,7 @@ use crate::{options::MODELS, prelude::*, solvers::SolverName};
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct ArenaArgs {
-    /// Solver: neural, or one of the truths, articulated (preset accurate) and rapier (16 steps)
+    /// Solver: neural, or one of the truths, articulated (preset accurate) and rapier (4 steps)
     #[arg(long, value_enum, default_value_t = SolverName::Articulated)]
     pub solver: SolverName,
     /// Folder of the model of `neural` [default: models/TASK if it is there, else models/ROBOT]
