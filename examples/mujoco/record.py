@@ -210,7 +210,7 @@ def main():
     for file, content in [("robot.urdf", urdf), ("robot.toml", toml), ("log.toml", log)]:
         (asked.out / file).write_text(content)
     arrays = {"qpos": states[:, :, 1 : 1 + m.nq], "qvel": states[:, :, 1 + m.nq : 1 + m.nq + m.nv], "torque": torques}
-    np.savez_compressed(asked.out / "log.npz", **{name: x[fine].astype(np.float32) for name, x in arrays.items()})
+    np.savez(asked.out / "log.npz", **{name: x[fine].astype(np.float32) for name, x in arrays.items()})
     print(f"{about}: {fine.sum()} trajectories of {controls.shape[1]} frames", f"({(~fine).sum()} blew up)" if not fine.all() else "")
     print(f"{rate:.0f} frames/s on {asked.threads} threads, {cost:.1f} us a frame on one")
 
