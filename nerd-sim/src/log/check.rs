@@ -8,12 +8,16 @@ use crate::internal::*;
 
 /// Rates that are off by more than this share are not those of the poses.
 const OFF: f64 = 0.5;
+/// Rates that change by no more than this share from one row to the next are steady.
+const STEADY: f64 = 0.3;
 /// A share by which rates or free fall are off that is worth a line.
 const ODD: f64 = 0.01;
 /// Of so many rows all are asked for their rates.
 const ASKED: usize = 100_000;
 /// Flights that free fall is read from take so long (s), and so many frames, at least.
 const FLIGHT: (f64, usize) = (0.08, 8);
+/// Between frames that are further apart (s) something may have touched, and nobody saw it.
+const LONG: f64 = 0.02;
 /// They are this far (m) from every surface.
 const CLEAR: f64 = 0.005;
 /// A fall that differs from gravity by this share is none.
@@ -40,11 +44,13 @@ fn pairs(raw: &[Raw]) -> impl Iterator<Item = (&Moment, &Moment)> {
     all.step_by((rows / ASKED).max(1))
 }
 
-/// How far measured rates are from those of the poses: the share of their size, and the factor that fits best. The fastest quarter
-/// of the rows is asked, since what rests has rates of noise alone.
-fn misfit(rates: impl Iterator<Item = (Vector3<f64>, Vector3<f64>)>) -> Option<[f64; 2]> {
+/// How far rates that were measured at two rows are in the mean from those of the poses: the share of their size, and the factor that fits
+/// best. The fastest quarter is asked, since what rests has rates of noise alone; and rates that change a lot from one row to the next are
+/// not, since who knows when they did.
+fn misfit(rates: impl Iterator<Item = (Vector3<f64>, [Vector3<f64>; 2])>) -> Option<[f64; 2]> {
     let (mut off, mut size, mut product, mut square) = (Vec::new(), Vec::new(), 0.0, 0.0);
-    let mut all: Vec<_> = rates.filter(|(found, measured)| (found + measured).iter().all(|x| x.is_finite())).collect();
+    let steady = rates.filter(|(_, [a, b])| (a - b).norm() <= STEADY * (a + b).norm() / 2.0).map(|(found, [a, b])| (found, (a + b) / 2.0));
+    let mut all: Vec<_> = steady.filter(|(found, measured)| (found + measured).iter().all(|x| x.is_finite())).collect();
     all.sort_by(|a, b| (b.0.norm() * b.1.norm()).total_cmp(&(a.0.norm() * a.1.norm())));
     all.truncate(all.len().div_ceil(4));
     for (found, measured) in all {
@@ -62,7 +68,7 @@ pub(super) fn rates(csv: &Path, spec: &LogSpec, system: &System, raw: &[Raw]) ->
     // Of so many columns from one on: the rates of the poses, and those that were measured.
     let columns = |from: usize, many: usize| {
         let some = |all: &[f64]| Vector3::from_fn(|i, _| if i < many { all[from + i] } else { 0.0 });
-        misfit(pairs(raw).map(|(a, b)| (some(&rate(&system.robot, &a.q, &b.q, seconds(a, b))), some(&b.qd))))
+        misfit(pairs(raw).map(|(a, b)| (some(&rate(&system.robot, &a.q, &b.q, seconds(a, b))), [a, b].map(|m| some(&m.qd)))))
     };
     if let Some(root) = &spec.root {
         if let (Some(names), Some([off, factor])) = (&root.velocity, columns(3, 3)) {
@@ -72,9 +78,11 @@ pub(super) fn rates(csv: &Path, spec: &LogSpec, system: &System, raw: &[Raw]) ->
             misfit(pairs(raw).map(|(a, b)| {
                 let [x, y] = [a, b].map(|m| as_if(&m.q[3..7], root.order, order));
                 // The angular velocity in the columns' own axes, then in those of the hypothesis.
-                let own = Vector3::new(b.qd[0], b.qd[1], b.qd[2]);
-                let own = if root.axes == Axes::Body { quaternion(&b.q[3..7]).inverse() * own } else { own };
-                let measured = if axes == Axes::Body { y * own } else { own };
+                let measured = [(a, x), (b, y)].map(|(m, turn)| {
+                    let own = Vector3::new(m.qd[0], m.qd[1], m.qd[2]);
+                    let own = if root.axes == Axes::Body { quaternion(&m.q[3..7]).inverse() * own } else { own };
+                    if axes == Axes::Body { turn * own } else { own }
+                });
                 ((y * x.inverse()).scaled_axis() / seconds(a, b), measured)
             }))
         };
@@ -122,7 +130,7 @@ fn refuse(csv: &Path, columns: &str, off: f64, factor: f64, better: Option<Strin
 /// away: what a hand holds does not fall.
 pub(super) fn falls(csv: &Path, log: &mut Log, scene: &Arc<Scene>) -> Result<(), LogError> {
     let g = scene.gravity.norm();
-    if !log.system.robot.floating() || g == 0.0 {
+    if !log.system.robot.floating() || g == 0.0 || log.system.frame_time > LONG {
         return Ok(());
     }
     let (system, mut data, mut events) = (log.system.clone(), Data::new(&log.system.robot), Vec::new());
