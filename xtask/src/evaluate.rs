@@ -54,15 +54,18 @@ pub fn run(args: EvaluateArgs) -> Result<()> {
 
 /// A model beside recorded motion.
 fn recorded(solver: &SolverArgs, replay: Option<PathBuf>, asked: &Protocol, name: &str, out: Option<PathBuf>) -> Result<()> {
-    let others = SolverArgs { solver: None, model: None, ..solver.clone() };
+    let card = solver.device.is_some_and(Device::is_cuda);
+    let others = SolverArgs { solver: None, model: None, device: solver.device.filter(|_| !card), ..solver.clone() };
     let other = solver.solver.is_some_and(|s| s != SolverName::Neural) || others != SolverArgs::default() || replay.is_some();
     let (Some(data), Some(model), false) = (&asked.data, &solver.model, other) else {
-        bail!("--data compares a model with recorded motion: --model names it, and of the solver's other options none is taken");
+        bail!(
+            "--data compares a model with recorded motion: --model names it, --device cuda times it there, too, and no other option of solvers is taken"
+        );
     };
-    let recorded = Recorded::new(name, data, model, asked)?;
+    let recorded = Recorded::new(name, data, model, asked, card)?;
     match out {
         Some(folder) => drop(conduct(&recorded, &folder)?),
-        None => tables(&[recorded.table(&recorded.verdict()?)]),
+        None => tables(&recorded.tables(&recorded.found()?)),
     }
     Ok(())
 }

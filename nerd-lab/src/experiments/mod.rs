@@ -2,6 +2,8 @@
 //! `NAME/result.json`, `NAME/README.md` and its pictures. [`REGISTRY`] knows those that `cargo xtask measure` makes.
 
 pub mod calibrated;
+#[cfg(feature = "cuda")]
+pub(crate) mod card;
 pub mod chart;
 pub mod family;
 pub mod games;

@@ -4,6 +4,8 @@ use nerd_sim::instruments::{Recorder, Replay};
 
 use super::plan::{Method, Plan};
 use super::shown::{ChartData, Point};
+#[cfg(feature = "cuda")]
+use crate::experiments::card;
 use crate::prelude::*;
 use nerd_train::cost::timed;
 
@@ -64,8 +66,11 @@ fn each(
 ) -> Vec<(String, Result<(PassiveReport, f64)>)> {
     #[cfg(feature = "cuda")]
     if let Some(n) = plan.environments {
-        let one = |(precision, word): &(_, &str)| (format!("{series}{word}"), super::card::timed(plan, setting, *precision, n, compare));
-        return super::card::arithmetics(setting).iter().map(one).collect();
+        let Plan { system, scene, protocol, .. } = plan;
+        let begun = crate::roll::begun(system, scene, protocol.starts, Start::Reset, protocol.seed);
+        let timed = |precision| card::timed(&begun, setting, precision, [n, protocol.steps], compare);
+        let one = |(precision, word): &(_, &str)| (format!("{series}{word}"), timed(*precision));
+        return card::arithmetics(setting).iter().map(one).collect();
     }
     let frames = plan.protocol.starts * plan.protocol.steps;
     let found = setting.solver(&plan.system).map_err(Error::from).and_then(|solver| Ok(timed(solver, frames, compare)?));

@@ -7,8 +7,6 @@
 //! the reference than what it learned. MuJoCo takes part where a Python has it (`guest`). With `--device cuda` time is that of a frame among
 //! many environments on a GPU (`card`).
 
-#[cfg(feature = "cuda")]
-mod card;
 mod guest;
 mod measure;
 mod plan;

@@ -1,11 +1,18 @@
 //! A model of recorded motion beside trajectories that it did not learn from.
 
+use nerd_train::evaluate::Pieces;
 use nerd_train::measured::Measured as Log;
-use nerd_train::verdict::Verdict;
 use nerd_train::verdict::recorded::{Beside, recorded};
+use nerd_train::verdict::{Row, Verdict};
 
 use super::Protocol;
+#[cfg(feature = "cuda")]
+use crate::experiments::card;
 use crate::{error::unused, prelude::*};
+
+/// Environments that are stepped together on a GPU.
+#[cfg(feature = "cuda")]
+const TOGETHER: usize = 8192;
 
 pub struct Recorded {
     name: String,
@@ -13,11 +20,25 @@ pub struct Recorded {
     asked: Protocol,
     log: Log,
     model: Model,
+    /// Whether it is timed on a GPU, too.
+    card: bool,
+}
+
+#[derive(Serialize)]
+pub struct Found {
+    #[serde(flatten)]
+    verdict: Verdict,
+    /// The model on a GPU, by arithmetic; time is that of a frame of one environment among many.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    card: Vec<Row>,
 }
 
 impl Recorded {
-    /// The model in a folder and the log that `asked` names.
-    pub fn new(name: &str, path: &Path, folder: &Path, asked: &Protocol) -> Result<Self> {
+    /// The model in a folder and the log that `asked` names; with `card` the model is timed on a GPU, too.
+    pub fn new(name: &str, path: &Path, folder: &Path, asked: &Protocol, card: bool) -> Result<Self> {
+        if card && !cfg!(feature = "cuda") {
+            bail!("--device cuda needs a build with `--features cuda`");
+        }
         let usual = Protocol::default();
         let Some(path) = Log::path(path) else { bail!("--data {}: name the TOML of a log, or its folder (log.toml)", path.display()) };
         let idle = [
@@ -33,10 +54,10 @@ impl Recorded {
         let (_, system) = nerd_sim::log::specified(&path)?;
         let model = Model::load(folder, &system, None)?;
         let log = Log::of(&path, &model)?;
-        Ok(Self { name: name.into(), folder: folder.into(), asked: asked.clone(), log, model })
+        Ok(Self { name: name.into(), folder: folder.into(), asked: asked.clone(), log, model, card })
     }
 
-    pub fn verdict(&self) -> Result<Verdict> {
+    pub fn found(&self) -> Result<Found> {
         let Self { asked, log, model, .. } = self;
         let usual = log.rollouts(&log.held_out, &model.config.network, 1)?;
         let (before, frames) = (asked.before.unwrap_or(usual.before), asked.frames.unwrap_or(usual.frames()));
@@ -55,11 +76,43 @@ impl Recorded {
         if asked.evaluations > 0 {
             analytic.push(("calibrated", log.calibrated(frames, asked.evaluations)?));
         }
-        let found = recorded(log, &pieces, model, &analytic, beside)?;
-        found.ok_or_else(|| anyhow::anyhow!("{}: there is no verdict on a network along a chain", self.folder.display()))
+        let Some(verdict) = recorded(log, &pieces, model, &analytic, beside)? else {
+            bail!("{}: there is no verdict on a network along a chain", self.folder.display());
+        };
+        Ok(Found { verdict, card: self.on_card(&pieces)? })
     }
 
-    pub fn table(&self, verdict: &Verdict) -> Table {
+    #[cfg(not(feature = "cuda"))]
+    fn on_card(&self, _: &Pieces) -> Result<Vec<Row>> {
+        Ok(Vec::new())
+    }
+
+    #[cfg(feature = "cuda")]
+    fn on_card(&self, pieces: &Pieces) -> Result<Vec<Row>> {
+        let (setting, system) = (Setting::Neural(self.folder.clone()), &pieces.system);
+        let mut begun = Batch::new(system, &pieces.scenes[0], pieces.count());
+        begun.states.copy_from_slice(&pieces.states[pieces.before]);
+        let row = |(precision, word): &(_, &str)| {
+            let (n, frames) = (TOGETHER, pieces.frames());
+            let (report, microseconds) = card::timed(&begun, &setting, *precision, [n, frames], &|solver| pieces.compare(solver))?;
+            let errors = nerd_train::evaluate::summary(system, &report.error);
+            Ok(Row { of: format!("model on a GPU{word}"), errors, microseconds, diverged: report.diverged })
+        };
+        let all = card::arithmetics(&setting).iter().filter(|_| self.card);
+        all.map(row).collect()
+    }
+
+    pub fn tables(&self, Found { verdict, card }: &Found) -> Vec<Table> {
+        let line = |row: &Row| {
+            let lost = if row.diverged > 0 { format!(", {} diverged", row.diverged) } else { String::new() };
+            vec![row.of.clone() + &lost, pair(&row.errors), digits(row.microseconds), format!("{:.3e}", 1e6 / row.microseconds)]
+        };
+        let header = ["arithmetic", "error", "us a frame, among many", "frames/s"];
+        let card = (!card.is_empty()).then(|| Table::new("card", &header).with(card.iter().map(line)));
+        [Some(self.table(verdict)), card].into_iter().flatten().collect()
+    }
+
+    fn table(&self, verdict: &Verdict) -> Table {
         let (text, [trajectories, frames]) = (verdict.to_string(), self.log.size());
         let first = text.lines().next().unwrap_or_default();
         let note = format!(
@@ -82,7 +135,7 @@ impl Experiment for Recorded {
     }
 
     fn measure(&self) -> Result<Measured> {
-        let verdict = self.verdict()?;
-        Measured::new(&verdict, vec![self.table(&verdict)])
+        let found = self.found()?;
+        Measured::new(&found, self.tables(&found))
     }
 }
