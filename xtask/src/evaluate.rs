@@ -10,9 +10,10 @@ use crate::solvers::{SolverArgs, SolverName};
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct EvaluateArgs {
-    /// Robot: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf; a log names its own
-    #[arg(long, required_unless_present = "data", conflicts_with = "data")]
-    pub robot: Option<String>,
+    /// Robots, comma-separated: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf; a log names
+    /// its own
+    #[arg(long, value_delimiter = ',', required_unless_present = "data", conflicts_with = "data")]
+    pub robot: Vec<String>,
     #[command(flatten)]
     pub keys: Keys<Protocol>,
     #[command(flatten)]
@@ -32,16 +33,24 @@ pub fn run(args: EvaluateArgs) -> Result<()> {
     let asked = args.keys.settings()?;
     let folder = args.out.or_else(|| args.name.as_ref().map(|_| results()));
     let name = args.name.unwrap_or_else(|| "passive".into());
-    let Some(robot) = args.robot else { return recorded(&args.solver, args.replay, &asked, &name, folder) };
-    let system = System::named(&robot)?;
-    let solver = args.solver.choose(&system)?;
+    if args.robot.is_empty() {
+        return recorded(&args.solver, args.replay, &asked, &name, folder);
+    }
+    let case = |robot: &String| -> Result<Case> {
+        let solver = args.solver.choose(&*System::named(robot)?)?;
+        Ok(Case { robot: robot.clone(), solver, truth: args.solver.truth, asked: asked.clone() })
+    };
+    let cases = args.robot.iter().map(case).collect::<Result<Vec<_>>>()?;
     let replay = args.replay.map(|file| -> Result<_> {
-        let Choice::Neural { folder, .. } = &solver else { bail!("--replay shows a model beside its truth: --solver neural is needed") };
+        let [Case { robot, solver: Choice::Neural { folder, .. }, .. }] = &cases[..] else {
+            bail!("--replay shows a model of one robot beside its truth: --solver neural is needed")
+        };
+        let system = System::named(robot)?;
         let scene = asked.scene.first().map_or_else(|| system.usual_scenes()[0], String::as_str);
-        Ok((file, motions::passive(&robot, scene, folder, asked.frames.unwrap_or(300), asked.seed)?))
+        Ok((file, motions::passive(robot, scene, folder, asked.frames.unwrap_or(300), asked.seed)?))
     });
     let replay = replay.transpose()?;
-    let passive = Passive::new(&name, &[Case { robot, solver, truth: args.solver.truth, asked }])?;
+    let passive = Passive::new(&name, &cases)?;
     match folder {
         Some(folder) => drop(conduct(&passive, &folder)?),
         None => {
