@@ -39,10 +39,10 @@ impl Verdict {
                 format!("use the network: {} errs no more but takes {} us where the model takes {own}", row.of, digits(row.microseconds))
             }
             None if self.recorded() && self.articulated.iter().any(|row| row.of.ends_with("calibrated")) => {
-                format!("use the network: it takes {own} us and errs less than all beside it")
+                format!("use the network: it takes {own} us and errs less than a calibrated solver")
             }
             None if self.recorded() => {
-                format!("the network takes {own} us and errs less than all beside it; `evaluate --data` asks a calibrated solver, too")
+                format!("the network takes {own} us and errs less than a solver as described; `evaluate --data` asks a calibrated one, too")
             }
             None => format!("use the network: it takes {own} us, and no number of substeps of `articulated` errs as little"),
         };
