@@ -144,8 +144,8 @@ fn arrays_that_cannot_be_right_are_refused() {
             &["trajectory 1, row 1, column `t`", "trajectory 1, row 0", "time must go on"],
         ),
         ("huge", changed(&|a| a[2].2[5] = 1e300), toml.clone(), &["trajectory 0, row 0", "at most"]),
-        ("type", npz(&arrays, "<f2", "False"), toml.clone(), &["`pose`", "<f2", "float32"]),
-        ("order", npz(&arrays, "<f8", "True"), toml.clone(), &["numpy.ascontiguousarray(pose)"]),
+        ("type", npz(&arrays, "<f2", "False"), toml.clone(), &["`t`", "<f2", "float32"]),
+        ("order", npz(&arrays, "<f8", "True"), toml.clone(), &["numpy.ascontiguousarray(t)"]),
         ("damaged", changed(&|a| a[1].1 = vec![3, 60, 8]), toml.clone(), &["`pose`", "damaged"]),
         ("cut", good[..good.len() / 2].to_vec(), toml.clone(), &["a.npz"]),
     ];

@@ -21,6 +21,7 @@ pub struct Recorded {
     log: Log,
     model: Model,
     /// Whether it is timed on a GPU, too.
+    #[cfg(feature = "cuda")]
     card: bool,
 }
 
@@ -54,7 +55,15 @@ impl Recorded {
         let (_, system) = nerd_sim::log::specified(&path)?;
         let model = Model::load(folder, &system, None)?;
         let log = Log::of(&path, &model)?;
-        Ok(Self { name: name.into(), folder: folder.into(), asked: asked.clone(), log, model, card })
+        Ok(Self {
+            name: name.into(),
+            folder: folder.into(),
+            asked: asked.clone(),
+            log,
+            model,
+            #[cfg(feature = "cuda")]
+            card,
+        })
     }
 
     pub fn found(&self) -> Result<Found> {
