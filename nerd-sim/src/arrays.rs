@@ -57,7 +57,7 @@ impl Arrays {
                     return Err(wrong(format!("column `{name}`: `{array}` is of shape {:?}; its axes must be {text}", found.shape)));
                 }
             };
-            let (first, other) = shape.get_or_insert_with(|| (name.as_str(), own));
+            let (first, other) = shape.get_or_insert((name.as_str(), own));
             if *other != own {
                 return Err(wrong(format!("columns `{first}` and `{name}` have not the same rows: {} and {}", said(*other), said(own))));
             }
