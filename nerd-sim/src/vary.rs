@@ -105,7 +105,7 @@ fn varied(system: &System, take: &mut dyn FnMut(&Drawn) -> f64) -> Option<(Syste
     if let Some(size) = take("gravity", "", &vary.gravity, system.gravity().norm()) {
         own.spec.gravity = (own.gravity().normalize() * size).into();
     }
-    let Motors { delay, strength, zeros, ripple } = &mut own.motors;
+    let Motors { delay, strength, zeros, ripple, noise } = &mut own.motors;
     for (joint, spec) in own.robot.joints_mut().zip(&mut own.spec.joints) {
         if let Some(factor) = take("gain", &joint.name, &vary.gain, 1.0) {
             spec.kp *= factor;
@@ -123,6 +123,7 @@ fn varied(system: &System, take: &mut dyn FnMut(&Drawn) -> f64) -> Option<(Syste
         ripple.extend(take("ripple", &joint.name, &vary.ripple, 0.0));
     }
     *delay += take("delay", "", &vary.delay, 0.0).unwrap_or(0.0);
+    *noise += take("noise", "", &vary.noise, 0.0).unwrap_or(0.0);
     own.drawn.clone_from(&drawn);
     Some((own, drawn))
 }

@@ -4,7 +4,8 @@ use nerd_sim::dataset::{Manifest, record, sha256_of};
 
 use crate::prelude::*;
 
-/// Tokens and targets of every frame of a recording, not normalised yet; in the form asked for.
+/// Tokens and targets of every frame of a recording, not normalised yet; in the form asked for. Tokens are of what sensors show, targets are
+/// how the robot truly moves.
 pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form: impl Into<Form>) -> Windows {
     let form = form.into();
     let (inputs, d, joints) = (Features::inputs(system, form), system.robot.state_dim(), system.robot.joint_count());
@@ -17,6 +18,7 @@ pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form:
         |features, (trajectory, (x, y))| {
             let states = &recording.states[trajectory * (f + 1) * d..][..(f + 1) * d];
             let torques = &recording.torques[trajectory * f * joints..][..f * joints];
+            let shown = recording.shown.get(trajectory * f * d..).filter(|shown| !shown.is_empty()).unwrap_or(states);
             let width = recording.drawn.len() / recording.trajectories;
             features.tell(&recording.drawn[trajectory * width..][..width]);
             let gravity = vector(&recording.gravity[3 * trajectory..]);
@@ -24,7 +26,7 @@ pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form:
                 let (x, y) = (&mut x[frame * inputs..][..inputs], &mut y[frame * d..][..d]);
                 let (state, next) = (&states[frame * d..][..d], &states[(frame + 1) * d..][..d]);
                 let (events, torques) = (events(system, recording, trajectory * f + frame), &torques[frame * joints..][..joints]);
-                features.token(state, &events, torques, &gravity, x);
+                features.token(&shown[frame * d..][..d], &events, torques, &gravity, x);
                 features.target(state, next, y);
             }
         },

@@ -1,5 +1,6 @@
 //! The start, scene and drive of a random trajectory.
 
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::drive::{Act, Drive, Smooth};
@@ -9,6 +10,8 @@ use crate::{internal::*, sampling::scene, vary};
 pub(super) struct Begun {
     pub batch: Batch,
     pub streams: Vec<ChaCha8Rng>,
+    /// What the noise of sensors is drawn from, where they have some.
+    pub sensors: Vec<ChaCha8Rng>,
     /// One for all, or one for each where robots differ.
     pub drives: Vec<Drive>,
     /// What was drawn of robots that differ.
@@ -30,7 +33,7 @@ impl Begun {
         let mut streams: Vec<_> = (0..count as u64).map(|k| stream(config.seed, first + k)).collect();
         let mut drives = if system.spec.vary.is_some() { Vec::with_capacity(count) } else { vec![Drive::new(system)] };
         let mut batch = Batch::new(system, &Arc::new(Scene::free(system.gravity())), count);
-        let mut drawn = Vec::new();
+        let (mut drawn, mut sensors) = (Vec::new(), Vec::new());
         let (mut scales, mut holds, mut pilots) = (Vec::with_capacity(count), Vec::with_capacity(count), Vec::with_capacity(count));
         for (env, rng) in streams.iter_mut().enumerate() {
             // Laws that are off draw nothing, so that older data is made again to the byte.
@@ -56,7 +59,10 @@ impl Begun {
             holds.push(if config.hold > 1 { (config.hold as f64 + 1.0).powf(rng.random()) as usize } else { 1 });
             let smooth = |rng| Smooth::new(system, &state, scale, rng).map(|curves| Box::new(curves) as Box<dyn Act>);
             pilots.push(act.or_else(|| smooth(rng)));
+            if system.noisy() {
+                sensors.push(ChaCha8Rng::seed_from_u64(rng.random()));
+            }
         }
-        Self { batch, streams, drives, drawn, scales, holds, pilots }
+        Self { batch, streams, sensors, drives, drawn, scales, holds, pilots }
     }
 }

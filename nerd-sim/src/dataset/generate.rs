@@ -2,11 +2,13 @@
 
 use std::collections::HashMap;
 
+use nerd_core::state::wrap_state;
+
 use super::begin::Begun;
 use super::config::{GenerateConfig, Part};
 use super::manifest::{Manifest, header};
 use super::shard::{DatasetError, FORMAT, Recording, read_shard, sha256_of, write_shard};
-use crate::internal::*;
+use crate::{internal::*, sampling::normal};
 
 /// Records trajectories `first .. first + count` of the seed with `solver`, which is the truth of this data.
 pub fn record(
@@ -18,7 +20,7 @@ pub fn record(
 ) -> Result<Recording, DatasetError> {
     config.check(system)?;
     let (d, joints, points) = (system.robot.state_dim(), system.robot.joint_count(), system.robot.contact_points.len());
-    let Begun { mut batch, mut streams, mut drives, drawn, scales, holds, mut pilots } = Begun::new(system, config, first, count);
+    let Begun { mut batch, mut streams, mut sensors, mut drives, drawn, scales, holds, mut pilots } = Begun::new(system, config, first, count);
     (0..count).for_each(|env| solver.reset(env));
     let (f, last) = (config.frames, drives.len() - 1);
     let zeros = |n: usize| vec![0.0; n];
@@ -32,6 +34,7 @@ pub fn record(
         depths: zeros(count * f * points),
         gravity: batch.scenes.iter().flat_map(|s| s.gravity.iter().copied()).collect(),
         drawn,
+        shown: zeros(sensors.len() * f * d),
     };
     let (mut data, mut events, mut tau) = (Data::new(&system.robot), Vec::new(), vec![0.0; count * joints]);
     let mut begun = streams.clone();
@@ -55,8 +58,15 @@ pub fn record(
                 None => drives[env.min(last)].draw(batch.state(env), scales[env], &mut streams[env], now),
             }
             out.torques[row * joints..][..joints].copy_from_slice(&tau[env * joints..][..joints]);
+            let mut seen = batch.state(env);
+            if let Some(rng) = sensors.get_mut(env) {
+                let shown = &mut out.shown[row * d..][..d];
+                shown.copy_from_slice(seen);
+                blur(batch.of(env), shown, rng);
+                seen = shown;
+            }
             if points > 0 {
-                contacts(&system.robot, &batch.scenes[env], batch.state(env), &mut data, &mut events);
+                contacts(&system.robot, &batch.scenes[env], seen, &mut data, &mut events);
                 for (k, event) in events.iter().enumerate() {
                     let at = (row * points + k) * 3;
                     out.normals[at..at + 3].copy_from_slice(event.normal.as_slice());
@@ -70,6 +80,15 @@ pub fn record(
         }
     }
     Ok(out)
+}
+
+/// Adds the noise of a robot's sensors to a state.
+fn blur(system: &System, state: &mut [f64], rng: &mut impl Rng) {
+    let (robot, size) = (&system.robot, system.motors.noise);
+    let (q, qd) = state.split_at_mut(robot.nq());
+    q[robot.root_coords()..].iter_mut().for_each(|q| *q += size * normal(rng));
+    qd[robot.root_dofs()..].iter_mut().for_each(|v| *v += size / system.frame_time * normal(rng));
+    wrap_state(robot, state);
 }
 
 /// Writes all shards and `manifest.json` into `folder`; shards that are there already, from the same settings, are

@@ -17,6 +17,9 @@ pub struct Recording {
     pub frames: usize,
     /// States `[trajectory][F + 1][state_dim]`.
     pub states: Vec<f64>,
+    /// States at frames' starts as noisy sensors show them, `[trajectory][F][state_dim]`, and contacts are of these; empty where sensors have
+    /// no noise ([`crate::vary`]) and show the states.
+    pub shown: Vec<f64>,
     /// Joint torques held over each frame, `[trajectory][F][joints]`.
     pub torques: Vec<f64>,
     /// Surface normals at the frame's start, world axes, `[trajectory][F][points][3]`.
@@ -32,7 +35,7 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// The arrays by name, with the shape of one trajectory; `drawn` only where something varies.
+    /// The arrays by name, with the shape of one trajectory; `drawn` only where something varies, `shown` where sensors have noise.
     pub fn arrays(&self) -> Vec<(&'static str, Vec<usize>, &Vec<f64>)> {
         let (n, f) = (self.trajectories, self.frames);
         let width = |x: &Vec<f64>, rows: usize| x.len().checked_div(n * rows).unwrap_or(0);
@@ -48,6 +51,9 @@ impl Recording {
         if !self.drawn.is_empty() {
             arrays.push(("drawn", vec![width(&self.drawn, 1)], &self.drawn));
         }
+        if !self.shown.is_empty() {
+            arrays.push(("shown", vec![f, width(&self.shown, f)], &self.shown));
+        }
         arrays
     }
 
@@ -60,6 +66,10 @@ impl Recording {
             if x.len() != wanted {
                 return Err(format!("`{name}` has {} numbers, the robot needs {wanted}; record the data set again", x.len()));
             }
+        }
+        let shown = if system.noisy() { n * f * robot.state_dim() } else { 0 };
+        if self.shown.len() != shown {
+            return Err(format!("`shown` has {} numbers, noise of the robot's sensors needs {shown}; record the data set again", self.shown.len()));
         }
         let (drawn, wanted) = (self.drawn.len(), n * crate::vary::columns(system).len());
         if drawn != wanted {
@@ -151,6 +161,7 @@ pub fn read_shard(path: &Path) -> Result<(Recording, BTreeMap<String, String>), 
     let (shape, states) = read("states")?;
     let [trajectories, rows, _] = shape[..] else { return Err(wrong("`states` has not three axes".into())) };
     let [torques, normals, points, depths, gravity] = ["torques", "normals", "points", "depths", "gravity"].map(read);
+    let where_there = |name: &str| Ok(file.names().contains(&name).then(|| read(name)).transpose()?.unwrap_or_default().1);
     let recording = Recording {
         trajectories,
         frames: rows.saturating_sub(1),
@@ -160,7 +171,8 @@ pub fn read_shard(path: &Path) -> Result<(Recording, BTreeMap<String, String>), 
         points: points?.1,
         depths: depths?.1,
         gravity: gravity?.1,
-        drawn: file.names().contains(&"drawn").then(|| read("drawn")).transpose()?.unwrap_or_default().1,
+        drawn: where_there("drawn")?,
+        shown: where_there("shown")?,
     };
     if metadata.remove(HASH_KEY) != Some(sha256_of([recording.sha256()])) {
         return Err(wrong("its numbers are not those it was written with (SHA-256 differs); record the data set again".into()));

@@ -129,6 +129,11 @@ impl System {
         self.robot.dry() || self.robot.sprung() || !self.folds.is_empty()
     }
 
+    /// Whether sensors of its robots have noise.
+    pub fn noisy(&self) -> bool {
+        self.spec.vary.as_ref().is_some_and(|vary| vary.noise.is_some())
+    }
+
     /// Its specification as TOML: with `urdf = ...` it can be put beside the file and edited.
     pub fn spec_text(&self) -> String {
         if self.source != Source::Cable {

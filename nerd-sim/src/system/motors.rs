@@ -17,10 +17,13 @@ pub struct Motors {
     /// Torque (N m or N) of each joint that a frame adds, times the sine of six times the position where it begins: an effect that no
     /// analytic solver of ours has.
     pub ripple: Vec<f64>,
+    /// Size of the white noise on what sensors show of each joint (rad or m): on its position, and over a frame time on its velocity. What is
+    /// recorded has it ([`crate::dataset`]), nothing that is stepped.
+    pub noise: f64,
 }
 
 impl Motors {
-    /// Whether torques act as they are asked for and sensors show where joints are.
+    /// Whether torques act as they are asked for and sensors show where joints are, but for noise.
     pub fn ideal(&self) -> bool {
         let all = |x: &[f64], value: f64| x.iter().all(|x| *x == value);
         self.delay == 0.0 && all(&self.strength, 1.0) && all(&self.zeros, 0.0) && all(&self.ripple, 0.0)

@@ -38,6 +38,9 @@ pub struct VarySpec {
     pub zero: Option<Range>,
     /// Size of each joint's torque ripple (N m or N): what no analytic solver knows, and no model is told.
     pub ripple: Option<Range>,
+    /// Size of the white noise of each joint's sensor (rad or m): so much on its position, and that over a frame time on its velocity. It is in
+    /// what a recording shows ([`crate::dataset::Recording::shown`]); no solver steps it.
+    pub noise: Option<Range>,
 }
 
 /// Farthest that a factor may lead.
@@ -45,7 +48,7 @@ const FACTOR: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
 
 impl VarySpec {
     /// The ranges by key, with what they may hold.
-    fn ranges(&self) -> [(&'static str, Option<Range>, std::ops::RangeInclusive<f64>, &'static str); 15] {
+    fn ranges(&self) -> [(&'static str, Option<Range>, std::ops::RangeInclusive<f64>, &'static str); 16] {
         [
             ("mass", self.mass, FACTOR, ""),
             ("inertia", self.inertia, FACTOR, ""),
@@ -62,6 +65,7 @@ impl VarySpec {
             ("delay", self.delay, 0.0..=LATEST, "frames"),
             ("zero", self.zero, -1e3..=1e3, ""),
             ("ripple", self.ripple, 0.0..=1e6, ""),
+            ("noise", self.noise, 0.0..=1e3, ""),
         ]
     }
 
@@ -79,7 +83,7 @@ impl VarySpec {
     }
 
     pub(crate) fn fits(&self, robot: &Robot) -> Result<(), String> {
-        let joints = ["gain", "joint_damping", "armature", "damping", "dry_friction", "strength", "delay", "zero", "ripple"];
+        let joints = ["gain", "joint_damping", "armature", "damping", "dry_friction", "strength", "delay", "zero", "ripple", "noise"];
         let asked = |(key, range, ..): &(&'static str, Option<Range>, _, _)| range.is_some().then_some(*key);
         for key in self.ranges().iter().filter_map(asked) {
             if joints.contains(&key) && robot.joint_count() == 0 {

@@ -119,6 +119,39 @@ fn data_keep_what_was_drawn() {
     assert!(refused.contains("system"), "{refused}");
 }
 
+/// Noise of sensors is white and of its size, each trajectory's from its own stream, and part of a shard.
+#[test]
+fn sensors_with_noise_show_it() {
+    let noisy = |size: f64| varied("pendulum", VarySpec { noise: between(size, size), ..Default::default() });
+    let (system, config) = (noisy(0.003), GenerateConfig { transitions: 1600, shard_trajectories: 16, hold: 4, ..Default::default() });
+    let record = |system: &Arc<System>, first, count| {
+        record(system, &mut *Truth::Articulated.solver(system), &config, first, count).expect("it can be recorded")
+    };
+    let all = record(&system, 0, 16);
+    assert!(vary::columns(&system) == ["noise"] && all.drawn == [0.003; 16]);
+    for (k, size) in [(0, 0.003), (1, 0.003), (2, 0.003 / system.frame_time), (3, 0.003 / system.frame_time)] {
+        let gap = |row: usize| all.shown[4 * row + k] - all.states[4 * (row + row / 100) + k];
+        let gaps: Vec<f64> = (0..1600).map(gap).map(|x| if k < 2 { nerd_core::state::wrap(x) / size } else { x / size }).collect();
+        let mean = |x: &mut dyn Iterator<Item = f64>| x.sum::<f64>() / 1600.0;
+        let [shift, square] = [mean(&mut gaps.iter().copied()), mean(&mut gaps.iter().map(|x| x * x))];
+        let next = mean(&mut gaps.windows(2).map(|x| x[0] * x[1]));
+        // Some four standard errors each.
+        assert!(shift.abs() < 0.1 && (square - 1.0).abs() < 0.15 && next.abs() < 0.1, "number {k}: {shift}, {square}, {next}");
+    }
+    let part = record(&system, 5, 2);
+    assert_eq!(part.shown, all.shown[5 * 400..7 * 400]);
+    let still = record(&noisy(0.0), 0, 16);
+    assert!(still.states == all.states && still.torques == all.torques && still.sha256() != all.sha256());
+    let plain = varied("pendulum", VarySpec::default());
+    assert!(record(&plain, 0, 16).shown.is_empty() && plain.sha256() != system.sha256());
+    let folder = tempfile::tempdir().expect("a folder");
+    let made = generate(&system, &mut *Truth::Articulated.solver(&system), "accurate", &config, folder.path(), &mut |_, _| {});
+    let read = made.and_then(|m| Ok(m.shard(folder.path(), &m.shards[0], &system)?)).expect("it can be read");
+    assert!(read == all);
+    let said = nerd_sim::dataset::Recording { shown: Vec::new(), ..all }.check(&system).expect_err("nothing is shown");
+    assert!(said.contains("`shown` has 0 numbers"), "{said}");
+}
+
 /// A cube on the slope of 10 degrees from rest: `v = g (sin a - mu cos a) t` where that is positive.
 #[test]
 fn each_slides_by_its_own_friction() {

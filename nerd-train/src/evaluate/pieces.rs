@@ -24,7 +24,7 @@ pub struct Pieces {
 
 impl Pieces {
     /// Trajectories `0 .. count` of data of a truth, of robots of their own where something is drawn of them, of which a solver is shown so
-    /// many frames.
+    /// many frames as sensors have them. The start of what it goes alone, and what it is compared with, are without their noise.
     ///
     /// # Errors
     /// If that cannot be recorded, or is no longer than what is shown.
@@ -40,7 +40,10 @@ impl Pieces {
             let row = |frame: usize| (0..count).flat_map(|k| x[(k * rows + frame) * width..][..width].to_vec()).collect();
             (0..rows).map(row).collect()
         };
-        let (states, torques) = (frames(&made.states, f + 1), frames(&made.torques, f));
+        let (mut states, torques) = (frames(&made.states, f + 1), frames(&made.torques, f));
+        if !made.shown.is_empty() {
+            states[..before].clone_from_slice(&frames(&made.shown, f)[..before]);
+        }
         Ok(Self { system: system.clone(), systems: begun.systems, scenes: begun.scenes, before, states, torques })
     }
 

@@ -45,6 +45,9 @@ impl Plan {
         if config.told && vary::columns(&system).is_empty() {
             refuse!("--told: nothing of `{}` is drawn; give its TOML a [vary]", system.name);
         }
+        if config.unrolled().is_some() && system.noisy() {
+            refuse!("--sequence rolls out from states as they are, and sensors of `{}` have noise: take --history or --stream", system.name);
+        }
         let (learner, trainer) = (config.learner(), config.trainer());
         learner.check().and(trainer.check()).map_err(Error::Refused)?;
         // More than the run reads would be wasted.

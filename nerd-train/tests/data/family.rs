@@ -30,6 +30,32 @@ fn who_knows_more_errs_less_and_the_truth_errs_nothing() {
     assert!(refused.expect_err("too few frames").to_string().contains("30 frames"));
 }
 
+/// Noise is on what is shown and on tokens, and on nothing that is learned or judged.
+#[test]
+fn sensors_with_noise_show_what_nobody_is_judged_by() {
+    let mut system = (*System::named("pendulum-family").expect("built in")).clone();
+    let vary = system.spec.vary.as_mut().expect("a family");
+    (vary.noise, vary.zero) = (Some(Range { low: 0.004, high: 0.004 }), None);
+    let system = Arc::new(system);
+    let config = GenerateConfig { transitions: 24 * 30, frames: 30, hold: 8, seed: 5, ..Default::default() };
+    let (pieces, recording) = (
+        Pieces::drawn(&system, Truth::Articulated, &config, 10).expect("recorded"),
+        nerd_sim::dataset::record(&system, &mut *Truth::Articulated.solver(&system), &config, 0, 24).expect("recorded"),
+    );
+    let (mut clean, d) = (recording.clone(), system.robot.state_dim());
+    clean.shown.clear();
+    let apart = |frame: usize| {
+        let real = (0..24).flat_map(|k| recording.states[(k * 31 + frame) * d..][..2].to_vec());
+        let gaps = pieces.states[frame].chunks_exact(d).flat_map(|state| state[..2].to_vec()).zip(real).map(|(a, b)| nerd_core::state::wrap(a - b).abs());
+        gaps.fold(0.0, f64::max)
+    };
+    assert!((0..10).all(|frame| apart(frame) > 0.004) && (10..=30).all(|frame| apart(frame) == 0.0));
+    let [seen, real] = [&recording, &clean].map(|r| tokens(&system, r, 1, Base::Trapezoid));
+    assert!(seen.y == real.y && seen.x.chunks(seen.inputs).zip(real.x.chunks(seen.inputs)).all(|(a, b)| a[..d] != b[..d]));
+    let exact = pieces.compare(&mut Rig::new(Articulated::new(ArticulatedConfig::accurate(&system)))).expect("compared");
+    assert!(mean(&exact.error) < 1e-9, "{:?}", exact.error);
+}
+
 fn mean(x: &[f64]) -> f64 {
     x.iter().sum::<f64>() / x.len() as f64
 }

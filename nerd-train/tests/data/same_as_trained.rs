@@ -16,6 +16,13 @@ fn recorded(system: &Arc<System>) -> Recording {
     record(system, &mut Rig::new(solver), &config, 0, 6).expect("recorded")
 }
 
+/// A robot, of a family with noise in its sensors.
+fn blurred(robot: &str) -> Arc<System> {
+    let mut system = (*System::named(robot).expect("built in")).clone();
+    system.spec.vary.iter_mut().for_each(|vary| vary.noise = Some(Range { low: 0.0, high: 0.01 }));
+    Arc::new(system)
+}
+
 fn model(system: &Arc<System>, base: Form, positions: Positions, windows: &Windows) -> Model {
     let paper = TransformerConfig::paper(windows.inputs, windows.outputs, 24);
     let network = TransformerConfig { layers: 3, heads: 4, history: 6, block: FRAMES, positions, ..paper };
@@ -41,7 +48,7 @@ fn trained(model: &Model, x: &[f32]) -> Vec<f32> {
 
 /// Largest difference over all frames, in deviations of the targets.
 fn apart(robot: &str, scene: &str, base: impl Into<Form>, positions: Positions) -> f64 {
-    let (system, base) = (System::named(robot).expect("built in"), base.into());
+    let (system, base) = (blurred(robot), base.into());
     let recording = recorded(&system);
     let mut windows = tokens(&system, &recording, 1, base);
     windows.history = 6;
@@ -59,7 +66,11 @@ fn apart(robot: &str, scene: &str, base: impl Into<Form>, positions: Positions) 
     let expected: Vec<Vec<f32>> = windows.x.chunks_exact(FRAMES * windows.inputs).map(|x| trained(&model, x)).collect();
     let mut worst = 0.0f64;
     for frame in 0..FRAMES {
-        let before: Vec<f64> = (0..n).flat_map(|t| recording.states[(t * (FRAMES + 1) + frame) * d..][..d].to_vec()).collect();
+        let shown = |t: usize| match &recording.shown[..] {
+            [] => recording.states[(t * (FRAMES + 1) + frame) * d..][..d].to_vec(),
+            shown => shown[(t * FRAMES + frame) * d..][..d].to_vec(),
+        };
+        let before: Vec<f64> = (0..n).flat_map(shown).collect();
         let torques: Vec<f64> = (0..n).flat_map(|t| recording.torques[(t * FRAMES + frame) * joints..][..joints].to_vec()).collect();
         batch.states.copy_from_slice(&before);
         solver.step(&mut batch, &torques).expect("finite");
