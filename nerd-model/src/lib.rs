@@ -12,6 +12,7 @@ pub mod neural;
 pub mod normalizer;
 pub mod pick;
 pub mod program;
+pub mod refit;
 pub mod slopes;
 pub mod transformer;
 pub mod trapezoid;
