@@ -295,3 +295,23 @@ fn a_family_is_compared_by_the_frames_seen() {
         assert!(said.contains(why), "{set}: {said}");
     }
 }
+
+/// On robots of a family a policy is said to fall where its games are over before their time, and no model plays.
+#[test]
+fn a_policy_is_played_on_robots_of_a_family() {
+    let policy = format!("policy={}/../models/policies/ant-run-articulated-0", env!("CARGO_MANIFEST_DIR"));
+    let settings = |set: &[&str]| Entry::named("policies").and_then(|e| e.with(&set.iter().map(|s| s.to_string()).collect::<Vec<_>>()));
+    let measured = settings(&[&policy, "games=4", "family=ant-family"]).and_then(|e| e.measure()).expect("measured");
+    let (row, header) = (&measured.tables[0].rows[0], &measured.tables[0].header);
+    let cell = |name: &str| header.iter().position(|h| h == name).map_or("", |k| &row[k]);
+    assert!(cell("robots") == "articulated accurate of ant-family" && cell("in NeRD") == "-", "{row:?}");
+    let (fell, length) = (cell("fell (%)").parse::<f64>().expect("a share"), &measured.data["rows"][0]["real"]["length"]);
+    assert_eq!(fell == 0.0, length.as_f64() == Some(500.0), "{fell} % fell, {length} steps");
+    for (set, why) in
+        [(&["family=pendulum-family"][..], "no family of `ant`"), (&["family=ant-family", "fresh=7"], "policy train --family")]
+    {
+        let all = [&[&policy[..], "games=2"], set].concat();
+        let said = settings(&all).and_then(|e| e.about().map(|_| ())).expect_err("refused").to_string();
+        assert!(said.contains(why), "{set:?}: {said}");
+    }
+}

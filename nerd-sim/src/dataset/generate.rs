@@ -20,7 +20,8 @@ pub fn record(
 ) -> Result<Recording, DatasetError> {
     config.check(system)?;
     let (d, joints, points) = (system.robot.state_dim(), system.robot.joint_count(), system.robot.contact_points.len());
-    let Begun { mut batch, mut streams, mut sensors, mut drives, drawn, scales, holds, mut pilots } = Begun::new(system, config, first, count);
+    let Begun { mut batch, mut streams, mut sensors, mut drives, drawn, scales, holds, mut pilots } =
+        Begun::new(system, config, first, count);
     (0..count).for_each(|env| solver.reset(env));
     let (f, last) = (config.frames, drives.len() - 1);
     let zeros = |n: usize| vec![0.0; n];

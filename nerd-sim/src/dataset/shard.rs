@@ -69,7 +69,10 @@ impl Recording {
         }
         let shown = if system.noisy() { n * f * robot.state_dim() } else { 0 };
         if self.shown.len() != shown {
-            return Err(format!("`shown` has {} numbers, noise of the robot's sensors needs {shown}; record the data set again", self.shown.len()));
+            return Err(format!(
+                "`shown` has {} numbers, noise of the robot's sensors needs {shown}; record the data set again",
+                self.shown.len()
+            ));
         }
         let (drawn, wanted) = (self.drawn.len(), n * crate::vary::columns(system).len());
         if drawn != wanted {

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 #[cfg(feature = "cuda")]
 use nerd_sim::articulated::device::Real;
+use nerd_sim::{rig::LATEST, vary};
 
 use super::*;
 use crate::device::Device;
@@ -25,6 +26,8 @@ pub enum Arena {
         /// Where its network is computed.
         device: Device,
     },
+    /// A truth, with robots of a family ([`vary`]) in place of the task's, in each environment another one for good.
+    Family(Truth, Arc<System>),
     /// An analytic solver that is not a truth. The reference simulator's preset acts on its own robot, `NAME-paper`.
     Judge(Setting),
     /// An analytic solver that keeps its batch on a GPU.
@@ -35,10 +38,26 @@ pub enum Arena {
 }
 
 impl Arena {
+    /// The truth of a family for a task.
+    ///
+    /// # Errors
+    /// If nothing of it is drawn, or it is of another robot than the task.
+    pub fn family(task: &str, name: &str, truth: Truth) -> Result<Self> {
+        let (family, robot) = (System::named(name)?, named(task)?.robot());
+        if family.spec.vary.is_none() {
+            refuse!("nothing of `{name}` is drawn; give its TOML a [vary]");
+        }
+        match family.alike(&*System::named(robot)?) {
+            Ok(()) => Ok(Self::Family(truth, family)),
+            Err(reason) => refuse!("`{name}` is no family of `{robot}`, which {task} is a task of: {reason}"),
+        }
+    }
+
     /// In a word, for a folder's name.
     pub fn word(&self) -> String {
         match self {
             Self::Truth(truth) => format!("{truth:?}").to_lowercase(),
+            Self::Family(_, family) => family.name.clone(),
             Self::Model { .. } => "neural".into(),
             Self::Judge(setting) => setting.to_string().replace(' ', "-"),
             #[cfg(feature = "cuda")]
@@ -51,6 +70,7 @@ impl Arena {
     pub fn title(&self) -> Result<String> {
         Ok(match self {
             Self::Truth(truth) => truth.name(),
+            Self::Family(truth, family) => format!("{} of {}", truth.name(), family.name),
             Self::Model { folder, .. } => format!("neural {} of {}", folder.display(), ModelConfig::read(folder)?.truth),
             Self::Judge(setting) => setting.to_string(),
             #[cfg(feature = "cuda")]
@@ -61,6 +81,7 @@ impl Arena {
 
     /// What it computes, by content: robot, truth or model, whatever their folder is called.
     pub fn identity(&self, system: &System) -> Result<String> {
+        let system = if let Self::Family(_, family) = self { family } else { system };
         let solver = match self {
             Self::Truth(truth) => truth.name(),
             Self::Model { folder, .. } => {
@@ -130,15 +151,21 @@ impl Arena {
         let n = envs.len();
         let system = match self {
             Self::Judge(Setting::Paper) => System::named(&format!("{}-paper", task.robot()))?,
+            Self::Family(_, family) => family.clone(),
             _ => System::named(task.robot())?,
         };
         if n == 0 {
             refuse!("at least one environment is needed");
         }
-        let batch = Batch::new(&system, &system.scene(task.scene())?, n);
+        let batch = match self {
+            // From other streams than the episodes.
+            Self::Family(..) => vary::part(&system, task.scene(), envs.clone(), !seed)?,
+            _ => Batch::new(&system, &system.scene(task.scene())?, n),
+        };
         // And how many frames back its next step depends on.
         let (solver, memory): (Box<dyn Solver>, usize) = match self {
             Self::Truth(truth) => (truth.solver(&system), 0),
+            Self::Family(truth, _) => (truth.solver(&system), LATEST as usize + 1),
             Self::Model { folder, device } => {
                 let model = Model::load(folder, &system, None)?;
                 let reach = model.config.network.reach();

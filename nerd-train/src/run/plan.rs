@@ -46,7 +46,10 @@ impl Plan {
             refuse!("--told: nothing of `{}` is drawn; give its TOML a [vary]", system.name);
         }
         if config.unrolled().is_some() && system.noisy() {
-            refuse!("--sequence rolls out from states as they are, and sensors of `{}` have noise: take --history or --stream", system.name);
+            refuse!(
+                "--sequence rolls out from states as they are, and sensors of `{}` have noise: take --history or --stream",
+                system.name
+            );
         }
         let (learner, trainer) = (config.learner(), config.trainer());
         learner.check().and(trainer.check()).map_err(Error::Refused)?;

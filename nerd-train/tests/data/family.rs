@@ -46,7 +46,11 @@ fn sensors_with_noise_show_what_nobody_is_judged_by() {
     clean.shown.clear();
     let apart = |frame: usize| {
         let real = (0..24).flat_map(|k| recording.states[(k * 31 + frame) * d..][..2].to_vec());
-        let gaps = pieces.states[frame].chunks_exact(d).flat_map(|state| state[..2].to_vec()).zip(real).map(|(a, b)| nerd_core::state::wrap(a - b).abs());
+        let gaps = pieces.states[frame]
+            .chunks_exact(d)
+            .flat_map(|state| state[..2].to_vec())
+            .zip(real)
+            .map(|(a, b)| nerd_core::state::wrap(a - b).abs());
         gaps.fold(0.0, f64::max)
     };
     assert!((0..10).all(|frame| apart(frame) > 0.004) && (10..=30).all(|frame| apart(frame) == 0.0));

@@ -13,6 +13,9 @@ pub struct ArenaArgs {
     /// Folder of the model of `neural` [default: models/TASK if it is there, else models/ROBOT]
     #[arg(long)]
     pub model: Option<PathBuf>,
+    /// Family of the task's robot, as `ant-family`: in a truth, with one of its robots in each environment, drawn by the seed
+    #[arg(long, value_name = "ROBOT")]
+    pub family: Option<String>,
     /// Where `neural` or `articulated` is computed [default: cpu]
     #[arg(long, value_parser = word::<Device>(MODELS))]
     pub device: Option<Device>,
@@ -23,6 +26,17 @@ impl ArenaArgs {
     pub fn of(self, task: &str) -> Result<Arena> {
         let device = self.device.unwrap_or_default();
         unused(&[("--model", self.model.is_some() && self.solver != SolverName::Neural)], "without --solver neural")?;
+        if let Some(family) = self.family {
+            let truth = match self.solver {
+                SolverName::Articulated => Truth::Articulated,
+                SolverName::Rapier => Truth::Rapier,
+                SolverName::Neural => bail!("--family means nothing with --solver neural: its truth is articulated or rapier"),
+            };
+            if device.is_cuda() {
+                bail!("--device {device}: robots that differ are on the CPU; leave it out");
+            }
+            return Ok(Arena::family(task, &family, truth)?);
+        }
         match (self.solver, self.model) {
             (SolverName::Neural, Some(folder)) => Ok(Arena::Model { folder, device }),
             (SolverName::Neural, None) => learned(task, device),

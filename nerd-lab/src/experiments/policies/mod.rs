@@ -4,7 +4,7 @@
 use nerd_train::{ppo::folder, shipped::from_root};
 use rayon::prelude::*;
 
-use super::games::{Compared, depend, games};
+use super::games::{Compared, depend, games, input_of};
 use crate::prelude::*;
 
 mod fresh;
@@ -35,6 +35,8 @@ settings! {
         model: Option<PathBuf> = None, Text;
         /// Play in the truth alone
         truth_only: bool = false, Flag;
+        /// Play on robots of a family in the truth, as `ant-family`, a robot a game, and in no model
+        family: Option<String> = None, Text;
         /// Games of each policy (the paper: 2048)
         games: usize = 2048, Whole(STARTS);
         /// Seed of the starts
@@ -58,11 +60,16 @@ impl Policies {
         Ok(found)
     }
 
+    /// Whether nothing is played in a model.
+    fn alone(&self) -> bool {
+        self.truth_only || self.family.is_some()
+    }
+
     /// Folder of the model that a task's policies are played in, and the truth that it learned.
     fn host(&self, task: &str) -> Result<(PathBuf, Truth)> {
         let robot = nerd_tasks::named(task)?.robot();
         let folder = self.model.clone().unwrap_or_else(|| shipped::model_of_task(task, robot));
-        let alone = self.truth_only && self.model.is_none() && !folder.exists();
+        let alone = self.alone() && self.model.is_none() && !folder.exists();
         let truth = if alone { Truth::default() } else { ModelConfig::truth_of(&folder)? };
         Ok((folder, truth))
     }
@@ -71,7 +78,7 @@ impl Policies {
     fn given(&self) -> Result<(usize, Inputs)> {
         let (folders, mut inputs) = (self.folders()?, Inputs::default());
         for path in &folders {
-            self.played(&folder::load(path)?.0.task, !self.truth_only, &mut inputs)?;
+            self.played(&folder::load(path)?.0.task, !self.alone(), &mut inputs)?;
             inputs.add(Input::policy(path)?);
         }
         Ok((folders.len(), inputs))
@@ -81,6 +88,10 @@ impl Policies {
     fn played(&self, task: &str, learned: bool, inputs: &mut Inputs) -> Result<()> {
         let (model, truth) = self.host(task)?;
         depend(inputs, task, truth)?;
+        if let Some(family) = &self.family {
+            inputs.add(Input::robot(&*System::named(family)?));
+            inputs.add(input_of(task, &Arena::family(task, family, truth)?)?);
+        }
         if learned {
             inputs.add(Input::model(&model)?);
         }
@@ -92,9 +103,12 @@ impl Policies {
         let task = config.task;
         let (model, truth) = self.host(&task)?;
         let play = |arena| games(&task, &arena, &policy, self.games, self.seed);
-        let real = play(Arena::Truth(truth))?;
+        let home = self.family.as_ref().map_or(Ok(Arena::Truth(truth)), |family| Arena::family(&task, family, truth))?;
+        let real = play(home.clone())?;
+        let length = nerd_tasks::named(&task)?.episode_length() as f64;
+        let fell = real.iter().filter(|game| game.length < length).count() as f64 / real.len() as f64;
         let learned = Arena::Model { folder: model.clone(), device: self.device };
-        let learned = if self.truth_only { None } else { Some(play(learned)?) };
+        let learned = if self.alone() { None } else { Some(play(learned)?) };
         let system = System::named(nerd_tasks::named(&task)?.robot())?;
         let bare = system.robot.contact_points.is_empty();
         let half = if bare { Setting::Rk4(2) } else { Setting::Implicit(system.spec.substeps.div_ceil(2)) };
@@ -103,7 +117,8 @@ impl Policies {
             half,
             policy: from_root(path),
             trained_in: config.solver,
-            truth: truth.name(),
+            truth: home.title()?,
+            fell: self.family.is_some().then_some(fell),
             model: learned.is_some().then(|| from_root(&model)),
             games: self.games,
             rewards: Compared::of(&real, learned.as_deref()),
@@ -114,8 +129,11 @@ impl Policies {
 
 impl Experiment for Policies {
     fn about(&self) -> Result<About> {
+        if self.family.is_some() && !self.fresh.is_empty() {
+            bail!("--set family means nothing with fresh policies: train them with `cargo xtask policy train --family`");
+        }
         let (policies, inputs) = if self.fresh.is_empty() { self.given()? } else { self.frozen()? };
-        let effort = (self.games * policies * if self.truth_only { 1 } else { 2 }) as f64;
+        let effort = (self.games * policies * if self.alone() { 1 } else { 2 }) as f64;
         let one = self.policy.first().filter(|_| self.policy.len() == 1).and_then(|path| path.file_name());
         let name = match one {
             _ if !self.name.is_empty() => self.name.clone(),

@@ -19,6 +19,9 @@ pub struct Row {
     pub half: Option<f64>,
     #[serde(flatten)]
     pub rewards: Compared,
+    /// On robots of a family: share of games that were over before their time.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fell: Option<f64>,
 }
 
 const NOTE: &str = "Reward of a game under mean actions. Gap: (reward in NeRD - in the truth) / |reward in the truth|.";
@@ -54,6 +57,12 @@ pub fn each(rows: &[Row]) -> Table {
     let header = ["task", "policy", "trained in", "games", "reward in truth", "in NeRD", "gap (%)", "paper: truth / NeRD"];
     let note = format!("{NOTE} +-: of a reward its standard deviation over games, of a gap its standard error.");
     let mut table = Table::new("policies", &header).with(lines).noted(&note);
+    if rows.iter().any(|r| r.fell.is_some()) {
+        table.header.extend(["robots", "fell (%)"].map(String::from));
+        let fell = |row: &Row| row.fell.map_or("-".into(), |share| format!("{:.1}", 100.0 * share));
+        table.rows.iter_mut().zip(rows).for_each(|(line, row)| line.extend([row.truth.clone(), fell(row)]));
+        table.note += " Robots: of the truth; fell: games that were over before their time.";
+    }
     if rows.iter().any(|r| r.rewards.real.success.is_some()) {
         table.header.extend(["success in truth (%)", "success in NeRD (%)"].map(String::from));
         let share = |reward: Option<&Reward>| reward.and_then(|r| r.success).map_or("-".into(), |share| format!("{:.0}", 100.0 * share));
