@@ -4,6 +4,8 @@
 //! ChaCha8 stream of its own, keyed by (seed, environment, episode), so what happens depends on neither threads nor neighbours.
 
 use nerd_sim::prelude::*;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use crate::snapshot::{MOVED, Past};
@@ -31,6 +33,19 @@ pub struct StepResult {
     pub failed: usize,
 }
 
+/// An episode under way: where others may begin.
+#[derive(Clone, Debug, Default)]
+pub struct Beginning {
+    /// State `[q, qd]`.
+    pub state: Vec<f64>,
+    /// Goal.
+    pub goal: Vec<f64>,
+    /// Frames that it has had.
+    pub frame: u64,
+    /// What its solver remembers of these ([`nerd_sim::solver::Solver::remembered`]).
+    pub memory: Vec<f64>,
+}
+
 /// Episodes of one task in every environment of a simulation; ended ones restart at once.
 pub struct Episodes {
     /// The task.
@@ -47,6 +62,8 @@ pub struct Episodes {
     observations: Vec<f64>,
     past: Past,
     trace: Option<Trace>,
+    /// Where they begin in place of the task's starts, by robot; empty: at those.
+    beginnings: Vec<Vec<Beginning>>,
     /// Whether a start that cannot be stepped is a failure as any other: of copies that look ahead, which begin where they are put.
     pub(crate) copies: bool,
 }
@@ -89,13 +106,31 @@ impl Episodes {
             observations: vec![0.0; n * task.observation_dim()],
             past: Past::default(),
             trace: None,
+            beginnings: Vec::new(),
             copies: false,
             task,
             simulation,
         };
-        (0..n).for_each(|env| episodes.restart(env));
+        (0..n).for_each(|env| episodes.start(env));
         episodes.observe(|_| true);
         episodes
+    }
+
+    /// From here on, and at once in all environments, episodes begin under way, each at one of these drawn: in environment k, counted among
+    /// all, at one of the robot `k mod robots`. What the solver remembers says which robot that is.
+    ///
+    /// # Errors
+    /// If there is none of a robot, or the solver cannot be stepped or cannot remember what it is to.
+    pub fn begin_at(&mut self, beginnings: Vec<Vec<Beginning>>) -> Result<(), StepError> {
+        if beginnings.iter().any(Vec::is_empty) {
+            return Err(StepError::Solver("a robot has no beginning".into()));
+        }
+        // What has never been stepped has no memory to write to.
+        self.simulation.step(&vec![0.0; self.torques.len()])?;
+        self.beginnings = beginnings;
+        (0..self.len()).try_for_each(|env| self.restart(env))?;
+        self.observe(|_| true);
+        Ok(())
     }
 
     /// Keeps so many frames for [`Self::snapshot`]: as many as the solver's next step depends on (a network's receptive field;
@@ -161,7 +196,7 @@ impl Episodes {
         let states = self.simulation.batch.states.par_chunks_exact(d).with_min_len(CHUNK);
         failed.par_iter_mut().zip(states).for_each(|(failed, state)| *failed |= state.iter().any(|x| x.abs() > FAR));
         let mut result = StepResult { failed: failed.iter().filter(|f| **f).count(), ..Default::default() };
-        (0..n).filter(|env| failed[*env]).for_each(|env| self.restart(env));
+        (0..n).filter(|env| failed[*env]).try_for_each(|env| self.restart(env))?;
         self.judge(&failed, &mut result);
         self.finite("reward", &result.rewards)?;
         self.observe(|_| true);
@@ -172,7 +207,7 @@ impl Episodes {
         }
         result.reached = self.observations.par_iter().with_min_len(MOVED).copied().collect();
         let ended = |env: usize| result.terminated[env] || result.truncated[env];
-        (0..n).filter(|env| ended(*env)).for_each(|env| self.restart(env));
+        (0..n).filter(|env| ended(*env)).try_for_each(|env| self.restart(env))?;
         self.observe(ended);
         Ok(result)
     }
@@ -211,8 +246,12 @@ impl Episodes {
     /// Goes on where a snapshot of as many environments of the same task was taken.
     ///
     /// # Errors
-    /// If it is not of these sizes, or the solver cannot be stepped through its frames again.
+    /// If it is not of these sizes, or the solver cannot be stepped through its frames again; of episodes that begin under way.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), StepError> {
+        if !self.beginnings.is_empty() {
+            let text = "episodes that begin under way cannot be gone on with, since frames before them are not kept; begin a new run";
+            return Err(StepError::Solver(text.into()));
+        }
         let batch = &mut self.simulation.batch;
         let fits = (batch.states.len(), batch.frames.len(), self.goals.len(), self.begun.len());
         let found = (snapshot.states.len(), snapshot.frames.len(), snapshot.goals.len(), snapshot.begun.len());
@@ -242,14 +281,38 @@ impl Episodes {
     }
 
     /// Begins the next episode in an environment, whatever its present one came to.
-    pub fn begin(&mut self, env: usize) {
-        self.restart(env);
+    ///
+    /// # Errors
+    /// As [`Self::begin_at`].
+    pub fn begin(&mut self, env: usize) -> Result<(), StepError> {
+        self.restart(env)?;
         self.observe(|other| other == env);
+        Ok(())
     }
 
-    fn restart(&mut self, env: usize) {
-        let mut rng = stream(self.seed, ((self.first + env) as u64) << 32 | self.begun[env]);
+    fn restart(&mut self, env: usize) -> Result<(), StepError> {
+        if self.beginnings.is_empty() {
+            self.start(env);
+            return Ok(());
+        }
+        let mut rng = self.draw(env);
+        let own = &self.beginnings[(self.first + env) % self.beginnings.len()];
+        let Beginning { state, goal, frame, memory } = &own[rng.random_range(0..own.len())];
+        let width = self.task.goal_dim();
+        self.goals[env * width..(env + 1) * width].copy_from_slice(goal);
+        self.simulation.reset(env, state);
+        self.simulation.batch.frames[env] = *frame;
+        self.simulation.solver.recall(env, memory)
+    }
+
+    /// What the next episode of an environment is drawn from.
+    fn draw(&mut self, env: usize) -> ChaCha8Rng {
         self.begun[env] += 1;
+        stream(self.seed, ((self.first + env) as u64) << 32 | (self.begun[env] - 1))
+    }
+
+    fn start(&mut self, env: usize) {
+        let mut rng = self.draw(env);
         let width = self.task.goal_dim();
         self.task.draw_goal(&mut rng, &mut self.goals[env * width..(env + 1) * width]);
         let state = self.task.reset(&self.simulation.batch.system, &mut rng);
@@ -296,7 +359,7 @@ impl Episodes {
                     return Err(StepError::Environments(vec![fault]));
                 }
                 failed[fault.env] = true;
-                self.restart(fault.env);
+                self.restart(fault.env)?;
             }
         }
         Ok(())

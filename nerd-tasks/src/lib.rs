@@ -17,7 +17,7 @@ mod task;
 pub use ant::Ant;
 pub use anymal::Anymal;
 pub use cartpole_swingup::CartpoleSwingup;
-pub use episodes::{Episodes, StepResult, Trace};
+pub use episodes::{Beginning, Episodes, StepResult, Trace};
 pub use franka_reach::FrankaReach;
 pub use lead_tip::LeadTip;
 pub use registry::{TaskError, named, names};

@@ -1,7 +1,7 @@
 //! Games of a policy in a truth and in a model, and the gap between their rewards.
 
 use nerd_tasks::named;
-use nerd_train::ppo::{Game, Policy, folder, play};
+use nerd_train::ppo::{Game, Guess, Policy, folder, play};
 
 use crate::prelude::*;
 
@@ -85,7 +85,7 @@ pub fn truth_on(device: Device) -> Result<Arena> {
 /// What an arena's motions depend on.
 pub fn input_of(task: &str, arena: &Arena) -> Result<Input> {
     let setting = match arena {
-        Arena::Model { folder, .. } => return Input::model(folder),
+        Arena::Model { folder, .. } | Arena::Guess(Guess { folder, .. }) => return Input::model(folder),
         Arena::Truth(truth) => (*truth).into(),
         Arena::Family(truth, family) => return Input::motion(&family.name, named(task)?.scene(), &(*truth).into()),
         Arena::Judge(setting) => setting.clone(),

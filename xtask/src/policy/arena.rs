@@ -2,6 +2,7 @@
 
 use nerd_lab::experiments::games::{learned, truth_on};
 use nerd_train::ppo::Arena;
+use nerd_train::shipped;
 
 use crate::{options::MODELS, prelude::*, solvers::SolverName};
 
@@ -13,9 +14,16 @@ pub struct ArenaArgs {
     /// Folder of the model of `neural` [default: models/TASK if it is there, else models/ROBOT]
     #[arg(long)]
     pub model: Option<PathBuf>,
-    /// Family of the task's robot, as `ant-family`: in a truth, with one of its robots in each environment, drawn by the seed
+    /// Family of the task's robot, as `ant-family`: one of its robots in each environment, drawn by the seed. In `neural` each episode begins
+    /// where a robot came in the truth, which the model has seen [default model: models/FAMILY]
     #[arg(long, value_name = "ROBOT")]
     pub family: Option<String>,
+    /// Frames that a model of a family has seen of a robot [default: 60]
+    #[arg(long, value_parser = value::<u64>(Whole(1..=1_000_000)))]
+    pub shown: Option<u64>,
+    /// Folder of the policy that acts in those
+    #[arg(long, value_name = "POLICY")]
+    pub shown_by: Option<PathBuf>,
     /// Where `neural` or `articulated` is computed [default: cpu]
     #[arg(long, value_parser = word::<Device>(MODELS))]
     pub device: Option<Device>,
@@ -26,15 +34,24 @@ impl ArenaArgs {
     pub fn of(self, task: &str) -> Result<Arena> {
         let device = self.device.unwrap_or_default();
         unused(&[("--model", self.model.is_some() && self.solver != SolverName::Neural)], "without --solver neural")?;
+        let guessed = self.family.is_some() && self.solver == SolverName::Neural;
+        let shown = [("--shown", self.shown.is_some() && !guessed), ("--shown-by", self.shown_by.is_some() && !guessed)];
+        unused(&shown, "without --solver neural and --family")?;
         if let Some(family) = self.family {
-            let truth = match self.solver {
-                SolverName::Articulated => Truth::Articulated,
-                SolverName::Rapier => Truth::Rapier,
-                SolverName::Neural => bail!("--family means nothing with --solver neural: its truth is articulated or rapier"),
-            };
             if device.is_cuda() {
                 bail!("--device {device}: robots that differ are on the CPU; leave it out");
             }
+            let truth = match self.solver {
+                SolverName::Articulated => Truth::Articulated,
+                SolverName::Rapier => Truth::Rapier,
+                SolverName::Neural => {
+                    let folder = self.model.unwrap_or_else(|| shipped::model_of_task(task, &family));
+                    let Some(by) = self.shown_by else {
+                        bail!("--shown-by POLICY is needed: who acts where a model of a family is shown robots")
+                    };
+                    return Ok(Arena::guess(task, &family, folder, by, self.shown.unwrap_or(60))?);
+                }
+            };
             return Ok(Arena::family(task, &family, truth)?);
         }
         match (self.solver, self.model) {
