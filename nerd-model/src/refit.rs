@@ -68,7 +68,7 @@ impl Refit {
             hidden.forward(&shown.tokens, 1, &vec![0; shown.tokens.len() / config.inputs], &mut rows)?;
             let h = with_one(&rows, width).cast::<f64>();
             let y = DMatrix::from_row_slice(h.nrows(), config.outputs, &shown.targets).cast::<f64>();
-            Ok(&own + change(&h, &(y - &h * own.cast::<f64>())).cast::<f32>())
+            Ok(&own + change(&h, &(y - &h * own.clone().cast::<f64>())).cast::<f32>())
         };
         let begin = || PackedForward::before_last(weights);
         let layers = shown.par_iter().map_init(begin, layer).collect::<Result<_, _>>()?;
