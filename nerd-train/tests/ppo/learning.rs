@@ -288,13 +288,13 @@ fn a_model_has_seen_the_robot_that_it_steps() {
     let step = |led: bool| {
         let mut batch = Batch::new(&family, &now.scenes[0], 256);
         let mut solver = Neural::on_cpu(model.clone());
-        let frames = trace.states.chunks_exact(256 * 4).zip(trace.torques.chunks_exact(256)).skip(if led { 0 } else { 12 });
+        let frames = trace.states.chunks_exact(256 * 4).zip(trace.torques.chunks_exact(2 * 256)).skip(if led { 0 } else { 12 });
         frames.for_each(|(states, torques)| {
             batch.states.copy_from_slice(states);
             solver.step(&mut batch, torques).expect("a frame");
         });
         batch.states.copy_from_slice(&now.states);
-        solver.step(&mut batch, &[0.0; 256]).expect("a frame");
+        solver.step(&mut batch, &[0.0; 512]).expect("a frame");
         batch.state(env).to_vec()
     };
     let (led, ignorant) = (step(true), step(false));
