@@ -50,7 +50,7 @@ pub struct Verdict {
     /// quantities. Where the motion was recorded, as the robot is described and calibrated.
     pub articulated: Vec<Row>,
     /// What another log has of the same motions: another simulator, or the recorded one in other steps. Of rapier its next cheaper setting
-    /// (half of its steps), the next after that, itself, and itself shaken, which no model can be below.
+    /// (half of its steps), the next after that, itself, and itself shaken, which says how sensitive it is.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub beside: Vec<Row>,
 }
