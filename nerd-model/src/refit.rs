@@ -1,17 +1,13 @@
 //! A network brought to other robots than it learned, by few frames of each: its last layer is refitted for each robot, in closed form.
 //!
 //! Of the last activations h of a robot's frames, and a 1, and what its targets y lie off the predictions `W^T h`, in normalised units,
-//! `D = argmin sum |y - (W + D)^T h|^2 + lambda |D|^2` (ridge regression towards no change). The penalty is the one with which the first two
-//! thirds of the frames tell most of the last, or no change, where none tells anything.
+//! `D = argmin sum |y - (W + D)^T h|^2 + lambda |D|^2` (ridge regression towards no change).
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use crate::program::Op;
 use crate::transformer::{Architecture, Forward, ForwardError, PackedForward, Stream, TransformerConfig, Weights};
-
-/// Penalties, in mean squares of the activations over all frames.
-const PENALTIES: [f64; 9] = [1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 10.0, 100.0];
 
 /// Normalised tokens and targets of a robot's frames, in order.
 #[derive(Clone, Debug, Default)]
@@ -36,20 +32,22 @@ impl Refit {
         config.reach() == 1 && config.architecture != Architecture::Chain
     }
 
-    /// Of a network's weights, for as many environments as there are robots of which frames are shown. A robot of less than three stays as it
-    /// was learned.
+    /// Of a network's weights, for as many environments as there are robots of which frames are shown; and the penalty of each, in sums of
+    /// squares of a mean activation over its frames. Without one, or a frame, a robot's layer stays as it was learned.
     ///
     /// # Errors
     /// Of a network that sees more than one frame, or what is shown is not as wide as its tokens and predictions.
-    pub fn new(weights: &Weights, shown: &[Shown]) -> Result<Self, ForwardError> {
+    pub fn new(weights: &Weights, shown: &[(Shown, Option<f64>)]) -> Result<Self, ForwardError> {
         let (config, failed) = (weights.config, |message: String| Err(ForwardError { message }));
         let program = config.program();
         let last = program.steps.last().map(|step| step.op);
         let (Some(Op::Linear { weight, scale, bias, add: false }), true) = (last, Self::can(&config)) else {
             return failed(format!("sees {} frames, or a chain: the last layer of one that sees one frame is refitted", config.reach()));
         };
-        let wide = |s: &&Shown| s.tokens.len() * config.outputs != s.targets.len() * config.inputs || s.tokens.len() % config.inputs != 0;
-        if let Some(s) = shown.iter().find(wide) {
+        let wide = |(s, _): &&(Shown, _)| {
+            s.tokens.len() * config.outputs != s.targets.len() * config.inputs || s.tokens.len() % config.inputs != 0
+        };
+        if let Some((s, _)) = shown.iter().find(wide) {
             return failed(format!("{} numbers of tokens and {} of targets are shown", s.tokens.len(), s.targets.len()));
         }
         let starts = program.starts();
@@ -63,12 +61,14 @@ impl Refit {
         if let Some(bias) = bias {
             own.row_mut(0).copy_from_slice(tensor(bias.0));
         }
-        let layer = |hidden: &mut PackedForward, shown: &Shown| -> Result<DMatrix<f32>, ForwardError> {
+        let layer = |hidden: &mut PackedForward, (shown, penalty): &(Shown, Option<f64>)| -> Result<DMatrix<f32>, ForwardError> {
+            let (Some(penalty), false) = (penalty, shown.tokens.is_empty()) else { return Ok(own.clone()) };
             let mut rows = Vec::new();
             hidden.forward(&shown.tokens, 1, &vec![0; shown.tokens.len() / config.inputs], &mut rows)?;
             let h = with_one(&rows, width).cast::<f64>();
             let y = DMatrix::from_row_slice(h.nrows(), config.outputs, &shown.targets).cast::<f64>();
-            Ok(&own + change(&h, &(y - &h * own.clone().cast::<f64>())).cast::<f32>())
+            let change = change(&h, &(y - &h * own.clone().cast::<f64>()), *penalty);
+            Ok(change.map_or_else(|| own.clone(), |change| &own + change.cast::<f32>()))
         };
         let begin = || PackedForward::before_last(weights);
         let layers = shown.par_iter().map_init(begin, layer).collect::<Result<_, _>>()?;
@@ -82,25 +82,11 @@ fn with_one(rows: &[f32], width: usize) -> DMatrix<f32> {
 }
 
 /// The change of a layer that frames' activations and residuals ask for.
-fn change(h: &DMatrix<f64>, residual: &DMatrix<f64>) -> DMatrix<f64> {
-    let (n, told) = (h.nrows(), 2 * h.nrows() / 3);
-    let none = DMatrix::zeros(h.ncols(), residual.ncols());
-    if n < 3 {
-        return none;
-    }
-    let unit = h.norm_squared() / h.ncols() as f64;
-    let (first, last) = ((h.rows(0, told), residual.rows(0, told)), (h.rows(told, n - told), residual.rows(told, n - told)));
-    let (square, cross) = (first.0.tr_mul(&first.0), first.0.tr_mul(&first.1));
-    let worth = |penalty: f64| Some((last.1 - last.0 * ridge(&square, &cross, penalty * unit)?).norm_squared());
-    let tried = PENALTIES.iter().filter_map(|penalty| Some((worth(*penalty)?, *penalty)));
-    let best = tried.min_by(|a, b| a.0.total_cmp(&b.0)).filter(|(worth, _)| *worth < last.1.norm_squared());
-    best.and_then(|(_, penalty)| ridge(&h.tr_mul(h), &h.tr_mul(residual), penalty * unit)).unwrap_or(none)
-}
-
-fn ridge(square: &DMatrix<f64>, cross: &DMatrix<f64>, penalty: f64) -> Option<DMatrix<f64>> {
-    let mut square = square.clone();
-    square.set_diagonal(&(square.diagonal() + DVector::repeat(square.nrows(), penalty)));
-    Some(square.cholesky()?.solve(cross))
+fn change(h: &DMatrix<f64>, residual: &DMatrix<f64>, penalty: f64) -> Option<DMatrix<f64>> {
+    let (mut square, n) = (h.tr_mul(h), h.ncols());
+    let unit = square.trace() / n as f64;
+    square.set_diagonal(&(square.diagonal() + DVector::repeat(n, penalty * unit)));
+    Some(square.cholesky()?.solve(&h.tr_mul(residual)))
 }
 
 impl Stream for Refit {
