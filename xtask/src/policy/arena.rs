@@ -14,8 +14,8 @@ pub struct ArenaArgs {
     /// Folder of the model of `neural` [default: models/TASK if it is there, else models/ROBOT]
     #[arg(long)]
     pub model: Option<PathBuf>,
-    /// Family of the task's robot, as `ant-family`: one of its robots in each environment, drawn by the seed. In `neural` each episode begins
-    /// where a robot came in the truth, which the model has seen [default model: models/FAMILY]
+    /// Family of the task's robot, as `ant-family`: one of its robots in each environment, drawn by the seed. A model of it (models/FAMILY, or
+    /// --model) has seen each come to where its episode begins
     #[arg(long, value_name = "ROBOT")]
     pub family: Option<String>,
     /// Frames that a model of a family has seen of a robot [default: 60]
