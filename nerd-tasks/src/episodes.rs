@@ -9,7 +9,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use crate::snapshot::{MOVED, Past};
-use crate::{Snapshot, Task, View, Work};
+use crate::{Beginning, Snapshot, Task, Trace, View, Work};
 
 /// Environments that one thread looks after in a row.
 const CHUNK: usize = 32;
@@ -33,19 +33,6 @@ pub struct StepResult {
     pub failed: usize,
 }
 
-/// An episode under way: where others may begin.
-#[derive(Clone, Debug, Default)]
-pub struct Beginning {
-    /// State `[q, qd]`.
-    pub state: Vec<f64>,
-    /// Goal.
-    pub goal: Vec<f64>,
-    /// Frames that it has had.
-    pub frame: u64,
-    /// What its solver remembers of these ([`nerd_sim::solver::Solver::remembered`]).
-    pub memory: Vec<f64>,
-}
-
 /// Episodes of one task in every environment of a simulation; ended ones restart at once.
 pub struct Episodes {
     /// The task.
@@ -66,19 +53,6 @@ pub struct Episodes {
     beginnings: Vec<Vec<Beginning>>,
     /// Whether a start that cannot be stepped is a failure as any other: of copies that look ahead, which begin where they are put.
     pub(crate) copies: bool,
-}
-
-/// Frames that were stepped, one after the other.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Trace {
-    /// States before each frame, `[frame][env][q, qd]`.
-    pub states: Vec<f64>,
-    /// Goals in it, `[frame][env][goal_dim]`.
-    pub goals: Vec<f64>,
-    /// Torques held over it, `[frame][env][joint]`.
-    pub torques: Vec<f64>,
-    /// States that each step led to, before ended episodes restarted, `[step][env][q, qd]`; not a number where the solver could not go on.
-    pub reached: Vec<f64>,
 }
 
 impl Episodes {

@@ -17,11 +17,11 @@ mod task;
 pub use ant::Ant;
 pub use anymal::Anymal;
 pub use cartpole_swingup::CartpoleSwingup;
-pub use episodes::{Beginning, Episodes, StepResult, Trace};
+pub use episodes::{Episodes, StepResult};
 pub use franka_reach::FrankaReach;
 pub use lead_tip::LeadTip;
 pub use registry::{TaskError, named, names};
-pub use snapshot::Snapshot;
+pub use snapshot::{Beginning, Snapshot, Trace};
 pub use task::{About, Slopes, Task, View, Work, fast_start};
 
 pub use nerd_sim;

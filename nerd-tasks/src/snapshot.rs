@@ -1,4 +1,4 @@
-//! What is saved of running episodes so that they continue exactly, on any solver.
+//! What is saved of running episodes so that they continue exactly, on any solver; what is written down of them, and where others may begin.
 //!
 //! An analytic solver needs the states only. A learned one's memory is a function of the last frames, so these are saved and
 //! [`Past::replay`] steps the solver through them again.
@@ -26,6 +26,32 @@ pub struct Snapshot {
     pub past_states: Vec<f64>,
     /// Torques of each of the last frames, `[frames][n][joints]`.
     pub past_torques: Vec<f64>,
+}
+
+/// Frames that were stepped, one after the other.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Trace {
+    /// States before each frame, `[frame][env][q, qd]`.
+    pub states: Vec<f64>,
+    /// Goals in it, `[frame][env][goal_dim]`.
+    pub goals: Vec<f64>,
+    /// Torques held over it, `[frame][env][joint]`.
+    pub torques: Vec<f64>,
+    /// States that each step led to, before ended episodes restarted, `[step][env][q, qd]`; not a number where the solver could not go on.
+    pub reached: Vec<f64>,
+}
+
+/// An episode under way: where others may begin.
+#[derive(Clone, Debug, Default)]
+pub struct Beginning {
+    /// State `[q, qd]`.
+    pub state: Vec<f64>,
+    /// Goal.
+    pub goal: Vec<f64>,
+    /// Frames that it has had.
+    pub frame: u64,
+    /// What its solver remembers of these ([`nerd_sim::solver::Solver::remembered`]).
+    pub memory: Vec<f64>,
 }
 
 /// The last frames: states before them, torques in them.
