@@ -4,7 +4,6 @@
 use crate::rapier::{Rapier, RapierConfig};
 #[cfg(feature = "rapier")]
 use crate::system::truth::{ITERATIONS, STEPS};
-#[cfg(feature = "rapier")]
 pub use crate::system::truth::{RECORDED, Truth};
 use crate::{internal::*, rig::Rig, vary::VarySpec};
 
