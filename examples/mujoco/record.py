@@ -131,9 +131,8 @@ def roll(m, states, controls, substeps, threads, kind=mujoco.mjtState.mjSTATE_CT
     """States [n, frames + 1, 1 + nq + nv] and mean torques of the actuators [n, frames, joints] from starts under the controls of each frame,
     which of them MuJoCo did not give up, and the seconds that all took."""
     data, n, frames = [mujoco.MjData(m) for _ in range(threads)], len(states), controls.shape[1]
-    states, torques, fine, seconds = [states[:, None]], [], np.ones(n, bool), 0.0
-    out = np.empty((n, frames + 1, states[0].shape[-1]))
-    out[:, :1], torques = states[0], np.empty((n, frames, m.nsensor))
+    out, torques = np.empty((n, frames + 1, states.shape[-1])), np.empty((n, frames, m.nsensor))
+    out[:, 0], fine, seconds = states, np.ones(n, bool), 0.0
     for some in np.array_split(np.arange(n), -(-n // 200)):
         begun = time.perf_counter()
         steps = np.repeat(controls[some], substeps, 1)
@@ -150,7 +149,7 @@ def main():
     ask.add_argument("model", type=pathlib.Path, help="MJCF file")
     ask.add_argument("out", type=pathlib.Path, help="folder to write")
     ask.add_argument("--replay", type=pathlib.Path, help="folder recorded before, of which every fifth trajectory is played again, as it is held out")
-    numbers = {"trajectories": (100, ""), "frames": (200, "of a trajectory; of one played again 100"), "substeps": (5, "steps of MuJoCo in a frame")}
+    numbers = {"trajectories": (100, ""), "frames": (None, "of a trajectory, 200; of one played again, 100"), "substeps": (5, "steps of MuJoCo in a frame")}
     numbers |= {"hold": (8, "most frames for which a control is held"), "seed": (0, ""), "threads": (os.cpu_count(), "")}
     numbers["first"] = (20, "frame that those played again begin at, and each so many frames on as they have")
     for option, (default, help) in numbers.items():
@@ -168,9 +167,11 @@ def main():
         if (m.actuator_gaintype != 0).any() or (m.actuator_biastype != 0).any() or (m.actuator_dyntype != 0).any():
             raise SystemExit("only torques of motors, which do not depend on the state, can be played again")
         log = np.load(asked.replay / "log.npz")
-        frames = min(asked.frames, 100)
+        frames = asked.frames or 100
         held = log["qpos"][4::5], log["qvel"][4::5], log["torque"][4::5]
         starts = range(asked.first, held[0].shape[1] - frames, frames)
+        if not starts:
+            raise SystemExit(f"--frames {frames}: trajectories of {held[0].shape[1] - 1} frames have none after the first {asked.first}; ask for fewer")
         cut = lambda x, rows: np.concatenate([x[:, f : f + rows] for f in starts]).astype(float)
         states = np.concatenate([np.zeros((len(held[0]) * len(starts), 1)), cut(held[0], 1)[:, 0], cut(held[1], 1)[:, 0]], 1)
         controls = np.zeros((len(states), frames, m.nv))
@@ -178,15 +179,15 @@ def main():
         m.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
         kind = mujoco.mjtState.mjSTATE_QFRC_APPLIED
     else:
-        n, kind = asked.trajectories, mujoco.mjtState.mjSTATE_CTRL
+        n, frames, kind = asked.trajectories, asked.frames or 200, mujoco.mjtState.mjSTATE_CTRL
         qpos = np.tile(d.qpos, (n, 1))
         qpos[:, q] += rng.uniform(-0.1, 0.1, (n, len(q)))
         qpos[:, q] = np.where(limited, np.clip(qpos[:, q], *m.jnt_range[order].T), qpos[:, q])
         states = np.concatenate([np.zeros((n, 1)), qpos, rng.normal(0.0, 0.1, (n, m.nv))], 1)
         low, high = np.where(m.actuator_ctrllimited[:, None], m.actuator_ctrlrange, [-1.0, 1.0]).T
         # A control is drawn where the one before has been held for as long as was drawn for it.
-        controls, left = np.empty((n, asked.frames, m.nu)), np.zeros(n, int)
-        for frame in range(asked.frames):
+        controls, left = np.empty((n, frames, m.nu)), np.zeros(n, int)
+        for frame in range(frames):
             new = (left == 0)[:, None]
             controls[:, frame] = np.where(new, rng.uniform(low, high, (n, m.nu)), controls[:, frame - 1])
             left = np.where(left == 0, rng.integers(1, asked.hold + 1, n), left) - 1
@@ -199,8 +200,10 @@ def main():
     log = f'about = "{about}"\ncost = {cost:.4g}\nfile = "log.npz"\nrobot = "robot.urdf"\nscene = "{"ground" if ground else "free"}"\n'
     columns = lambda name, first, many: str([f"{name}.{k}" for k in range(first, first + many)]).replace("'", '"')
     if free:
-        log += f'[root]\nposition = {columns("qpos", 0, 3)}\nquaternion = {columns("qpos", 3, 4)}\norder = "wxyz"\n'
-        log += f'velocity = {columns("qvel", 0, 3)}\nangular = {columns("qvel", 3, 3)}\naxes = "body"\n'
+        root = list(m.jnt_type).index(mujoco.mjtJoint.mjJNT_FREE)
+        place, speed = m.jnt_qposadr[root], m.jnt_dofadr[root]
+        log += f'[root]\nposition = {columns("qpos", place, 3)}\nquaternion = {columns("qpos", place + 3, 4)}\norder = "wxyz"\n'
+        log += f'velocity = {columns("qvel", speed, 3)}\nangular = {columns("qvel", speed + 3, 3)}\naxes = "body"\n'
     for k, n in enumerate(names):
         log += f'[[joint]]\nname = "{n}"\nposition = "qpos.{q[k]}"\nvelocity = "qvel.{v[k]}"\ntorque = "torque.{k}"\n'
     torques = controls[:, :, v] if asked.replay else torques[:, :, [m.sensor(f"torque of {n}").id for n in names]]
