@@ -36,7 +36,7 @@ impl Refit {
     /// squares of a mean activation over its frames. Without one, or a frame, a robot's layer stays as it was learned.
     ///
     /// # Errors
-    /// Of a network that sees more than one frame, or what is shown is not as wide as its tokens and predictions.
+    /// Of no robots, a network that sees more than one frame, or what is not as wide as its tokens and predictions.
     pub fn new(weights: &Weights, shown: &[(Shown, Option<f64>)]) -> Result<Self, ForwardError> {
         let (config, failed) = (weights.config, |message: String| Err(ForwardError { message }));
         let program = config.program();
@@ -44,6 +44,9 @@ impl Refit {
         let (Some(Op::Linear { weight, scale, bias, add: false }), true) = (last, Self::can(&config)) else {
             return failed(format!("sees {} frames, or a chain: the last layer of one that sees one frame is refitted", config.reach()));
         };
+        if shown.is_empty() {
+            return failed("no robot is shown: a layer for each is asked".into());
+        }
         let wide = |(s, _): &&(Shown, _)| {
             s.tokens.len() * config.outputs != s.targets.len() * config.inputs || s.tokens.len() % config.inputs != 0
         };

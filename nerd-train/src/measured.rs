@@ -174,11 +174,21 @@ impl Measured {
     }
 
     /// Pieces of what is held out that begin where trajectories of another log do, and that log's states in each frame after: how far
-    /// another solver, or the same one in other steps, comes from what was recorded. Of `frames` none is as many as all of them have.
+    /// another solver, or the same one in other steps, comes from what was recorded. Of `frames` none is as many as most of them have; shorter ones are left out.
     pub fn beside(&self, other: &Log, before: usize, frames: Option<usize>, most: usize) -> Result<(Pieces, Vec<Vec<f64>>)> {
         let key = |state: &[f64]| state.iter().map(|x| x.to_bits()).collect::<Vec<u64>>();
         let others: HashMap<Vec<u64>, &Trajectory> = other.trajectories.iter().map(|t| (key(&t.states[0]), t)).collect();
-        let frames = frames.or_else(|| others.values().map(|t| self::frames(t)).min()).unwrap_or(0);
+        let times = [other.system.frame_time, self.log.system.frame_time];
+        if times[0] != times[1] {
+            refuse!("--beside: its frames last {} s, those of what was held out {} s", times[0], times[1]);
+        }
+        if others.len() < other.trajectories.len() {
+            refuse!("--beside: two of its trajectories begin in one state, so it is not clear which of them goes on as what was held out");
+        }
+        // As many as most of them have.
+        let mut lengths: Vec<usize> = others.values().map(|t| self::frames(t)).collect();
+        lengths.sort_unstable();
+        let frames = frames.or_else(|| lengths.get(lengths.len() / 2).copied()).unwrap_or(0);
         let starts = self.held_out.iter().enumerate().flat_map(|(k, t)| {
             let last = (t.states.len() - 1).checked_sub(frames).map_or(0, |last| last + 1);
             (before..last).map(move |first| (k, first))

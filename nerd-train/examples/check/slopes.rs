@@ -10,7 +10,7 @@ pub fn slopes(checks: &mut Checks) -> Outcome {
     for (robot, scene) in [("cartpole", "free"), ("franka", "free"), ("ant", "ground"), ("anymal", "ground")] {
         let system = System::named(robot)?;
         let solver = |device: Device| device.neural(&Path::new("models").join(robot), &system, None, N);
-        beside(checks, robot, (&system, scene, N), [solver(Device::CudaF32)?, solver(Device::Cpu)?], Some(1e-3))?;
+        beside(checks, robot, (&system, scene, N), [solver(Device::Cuda)?, solver(Device::Cpu)?], Some(1e-3))?;
     }
     for (robot, real, most) in
         [("ant", Real::F64, Some(1e-6)), ("anymal", Real::F64, Some(1e-6)), ("ant", Real::F32, None), ("anymal", Real::F32, None)]

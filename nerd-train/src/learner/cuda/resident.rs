@@ -141,7 +141,7 @@ impl Motion for Frames {
         let Some(made) = &mut self.made else { return Ok(()) };
         let back = match made.back.take().filter(|back| back.fits(frames)) {
             Some(back) => back,
-            None => FramesBack::new(&self.model, batch, frames, self.precision)?,
+            None => FramesBack::new(&self.model, batch, frames)?,
         };
         made.back.insert(back).join(&made.engine.network().device).map_err(failed)
     }

@@ -1,4 +1,4 @@
-//! The way back over a model's frames on the device: of the network in f32 or, where frames have fewer bits, in TF32; around it in f64.
+//! The way back over a model's frames on the device, in f32 around the network in f64.
 
 use nerd_model::device::slope_program;
 use nerd_sim::articulated::device::{Back, Held, Reach, Trail, failed};
@@ -27,14 +27,12 @@ pub(super) fn goes_back(model: &Model) -> Result<(), StepError> {
 }
 
 impl FramesBack {
-    /// For so many frames of batches like this one, which are made in this precision.
-    pub(super) fn new(model: &Model, batch: &Batch, frames: usize, precision: Precision) -> Result<Self, StepError> {
+    /// For so many frames of batches like this one.
+    pub(super) fn new(model: &Model, batch: &Batch, frames: usize) -> Result<Self, StepError> {
         let (config, system, n) = (model.config.network, &batch.system, batch.len());
         let solver = |e: LearnError| StepError::Solver(e.to_string());
         let plan = Plan::of(&config, 1).map_err(solver)?;
-        // Of frames with as few bits TF32's gradients are good enough: SHAC learns as much from them, in less time.
-        let precision = if precision == Precision::F32 { precision } else { Precision::Tf32 };
-        let (mut network, weights) = Network::with_weights(plan, &model.weights.flat, n * frames, precision, true).map_err(solver)?;
+        let (mut network, weights) = Network::with_weights(plan, &model.weights.flat, n * frames, Precision::F32, true).map_err(solver)?;
         let text = slope_program(model.config.form(), &model.normalizer, system, Reach::of(batch).colliders);
         network.device.add(&text, &["slopes_look", "slopes_said", "slopes_back"]).map_err(failed)?;
         let by_tokens = network.device.zeros(n * config.inputs).map_err(failed)?;
