@@ -1,5 +1,5 @@
-//! What a frame costs on the card with its vector-Jacobian product by state and torque, beside the frame alone, in time and memory. A robot of one's own
-//! is named by a path among the parts, `check slopes-cost robot.urdf`, and driven by a tenth of its torques: at full strength random torques throw some
+//! What a frame costs on the card with its vector-Jacobian product by state and torque, beside the frame alone, in time and memory. Robots of one's own,
+//! named by their paths among the parts, `check slopes-cost robot.urdf`, come in the built-in ones' place, driven by a tenth of its torques: at full strength random torques throw some
 //! light legs of a Go2 so fast that their frames have no slopes on a card.
 
 use nerd_sim::articulated::device::{Back, Trail};
@@ -15,15 +15,17 @@ const BEFORE: usize = 30;
 const MOST: f64 = 3.0;
 
 pub fn cost(checks: &mut Checks) -> Outcome {
-    for robot in ["cartpole", "ant", "anymal"] {
+    let own: Vec<String> = std::env::args().skip(1).filter(|name| name.contains('.')).collect();
+    for path in &own {
+        articulated(checks, path, &System::named(path)?, 0.1)?;
+    }
+    let built_in: &[&str] = if own.is_empty() { &["cartpole", "ant", "anymal"] } else { &[] };
+    for robot in built_in {
         let system = System::named(robot)?;
         articulated(checks, robot, &system, 1.0)?;
         let folder = Path::new("models").join(robot);
         let solver = |device: Device| device.neural(&folder, &system, None, N);
         beside(checks, &format!("{robot}, its network"), &system, 1.0, [&mut *solver(Device::Cuda)?, &mut *solver(Device::Cpu)?])?;
-    }
-    for path in std::env::args().skip(1).filter(|name| name.contains('.')) {
-        articulated(checks, &path, &System::named(&path)?, 0.1)?;
     }
     Ok(())
 }
