@@ -11,7 +11,7 @@ use crate::{options::TRANSITIONS, prelude::*, ranks::alone};
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct DatasetArgs {
-    /// Robot: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf
+    /// Robot: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf or MJCF (.xml)
     #[arg(long)]
     pub robot: String,
     #[command(flatten)]

@@ -10,7 +10,7 @@ use crate::solvers::{SolverArgs, SolverName};
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct EvaluateArgs {
-    /// Robots, comma-separated: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf; a log names
+    /// Robots, comma-separated: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf or MJCF (.xml); a log names
     /// its own
     #[arg(long, value_delimiter = ',', required_unless_present = "data", conflicts_with = "data")]
     pub robot: Vec<String>,

@@ -11,7 +11,7 @@ pub struct InspectArgs {
     /// Folder that `dataset` wrote
     #[arg(required_unless_present = "robot")]
     pub folder: Option<PathBuf>,
-    /// Robot: built in, or the path of a .urdf [default: the one the folder names]
+    /// Robot: built in, or the path of a .urdf or MJCF (.xml) [default: the one the folder names]
     #[arg(long)]
     pub robot: Option<String>,
     /// Largest number in a state; trajectories beyond it are left out and counted

@@ -24,7 +24,7 @@ pub enum What {
     Robots,
     /// Scenes of each robot
     Scenes {
-        /// Of one robot: its name, or the path of a .urdf
+        /// Of one robot: its name, or the path of a .urdf or MJCF (.xml)
         #[arg(long)]
         robot: Option<String>,
     },

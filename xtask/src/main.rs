@@ -71,7 +71,7 @@ enum Verb {
     Policy(policy::PolicyArgs),
     /// Fit parameters of robot, contact and scene to measured trajectories, and judge the fit on others
     Calibrate(measure::Conduct<Calibration>),
-    /// Read every URDF of a folder and roll it out, or name what is not supported
+    /// Read every URDF and MJCF of a folder and roll it out, or name what is not supported
     Urdf(urdf::UrdfArgs),
     /// List robots, scenes, tasks, models, rows
     List(list::ListArgs),

@@ -24,7 +24,7 @@ OUT has traj, step and the state, in f64 with as many digits as it takes.";
 #[derive(clap::Args, Clone, Debug)]
 #[command(after_help = TABLES)]
 pub struct RolloutArgs {
-    /// Robot: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf
+    /// Robot: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf or MJCF (.xml)
     #[arg(long)]
     pub robot: String,
     /// Scene: free, a scene of the robot (ground, or ground1 .. ground6 for the pendulum), plane, slope, box, steps, hills

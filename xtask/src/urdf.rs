@@ -4,16 +4,19 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
 use nerd_lab::report::{Artifact, Input, Inputs, Provenance};
-use nerd_lab::survey::{STANDING, find, read, standing};
+use nerd_lab::survey::{STANDING, beside, find, read, standing};
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct UrdfArgs {
-    /// Files, or folders to be searched for .urdf
+    /// Files, or folders to be searched for .urdf and MJCF (.xml)
     #[arg(required = true)]
     pub paths: Vec<PathBuf>,
     /// Instead: what each does in ten seconds, a free one on a plane: joints held by drives, and without
     #[arg(long)]
     pub stand: bool,
+    /// Instead: how far accelerations are from those of MuJoCo, by a Python that has it
+    #[arg(long, value_name = "PYTHON", conflicts_with = "stand")]
+    pub mujoco: Option<PathBuf>,
     /// Folder to write the table into
     #[arg(long, value_name = "FOLDER")]
     pub out: Option<PathBuf>,
@@ -25,12 +28,13 @@ pub fn run(args: UrdfArgs) -> Result<()> {
         files.extend(find(path).with_context(|| format!("cannot read {}", path.display()))?);
     }
     if files.is_empty() {
-        bail!("no .urdf in {}", args.paths.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", "));
+        bail!("no .urdf or MJCF in {}", args.paths.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", "));
     }
     let n = files.len();
-    let (name, effort, (table, notes)) = match args.stand {
-        true => ("standing", n as f64 * STANDING, (standing(&files), Vec::new())),
-        false => ("urdfs", n as f64, read(&files)),
+    let (name, effort, (table, notes)) = match &args.mujoco {
+        Some(python) => ("beside_mujoco", n as f64, (beside(&files, python), Vec::new())),
+        None if args.stand => ("standing", n as f64 * STANDING, (standing(&files), Vec::new())),
+        None => ("urdfs", n as f64, read(&files)),
     };
     let tables = vec![table];
     crate::out::tables(&tables);

@@ -1,9 +1,10 @@
 """Steps a model with MuJoCo for `nerd_lab::mujoco::Referee`.
 
-JSON in, JSON out, a line each: `answer`, or `error`. First line: `mjcf`, `frame_time` (s), `frames`, `starts` as [qpos, qvel]; the answer is
-MuJoCo's version. Every other line is a setting, an `integrator`, its `substeps` a frame, and whether it is `timed`; the answer is the states
+JSON in, JSON out, a line each: `answer`, or `error`. First line: `mjcf` or the `path` of one, `frame_time` (s), `frames`, `starts` as
+[qpos, qvel]; the answer is MuJoCo's version. Every other line is a setting, an `integrator`, its `substeps` a frame, and whether it is `timed`; the answer is the states
 at frame ends, [frame][start], null once MuJoCo has given one up, and the seconds of the fastest run. Or it is one frame: states `from` which,
-joint `forces`, `substeps`; the answer is states. A timed run is one call a start with all frames in it, so that nothing of Python is in its
+joint `forces`, `substeps`; the answer is states. Or it is states to `accelerate` freely (without contact, limits, dry friction, equalities
+and actuators), velocities kept to columns of the matrix `along`; the answer is qacc, along them. A timed run is one call a start with all frames in it, so that nothing of Python is in its
 time, and must end where the recorded one did.
 """
 
@@ -25,7 +26,8 @@ def main():
         return say(f"no MuJoCo here ({error}); name a Python that has it", "error")
     # What blows up is counted, and need not be written to a file.
     mujoco.set_mju_user_warning(lambda text: None)
-    model = mujoco.MjModel.from_xml_string(request["mjcf"])
+    path = request.get("path")
+    model = mujoco.MjModel.from_xml_path(path) if path else mujoco.MjModel.from_xml_string(request["mjcf"])
     data = mujoco.MjData(model)
     bad = [getattr(mujoco.mjtWarning, "mjWARN_BAD" + what) for what in ("QPOS", "QVEL", "QACC")]
     say(mujoco.__version__)
@@ -53,8 +55,27 @@ def main():
             states.append(state())
         say(states)
 
+    def accelerate(asked):
+        import numpy
+
+        for part in "CONTACT", "LIMIT", "FRICTIONLOSS", "EQUALITY", "ACTUATION":
+            model.opt.disableflags |= getattr(mujoco.mjtDisableBit, "mjDSBL_" + part)
+        answers, mass, along = [], numpy.zeros((model.nv, model.nv)), numpy.array(asked["along"])
+        if along.shape[0] != model.nv or any(len(start) != model.nq + model.nv for start in asked["accelerate"]):
+            return say(f"MuJoCo counts {model.nv} velocities and {model.nq} positions", "error")
+        for start in asked["accelerate"]:
+            begin(start)
+            mujoco.mj_forward(model, data)
+            for k, unit in enumerate(numpy.eye(model.nv)):
+                mujoco.mj_mulM(model, data, mass[k], unit)
+            answers.append(numpy.linalg.solve(along.T @ mass @ along, along.T @ data.qfrc_smooth).tolist())
+        say(answers)
+
     for line in sys.stdin:
         setting = json.loads(line)
+        if "accelerate" in setting:
+            accelerate(setting)
+            continue
         if "from" in setting:
             step(setting)
             continue

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 
 use crate::prelude::*;
 
-const REFEREE: &str = include_str!("referee.py");
+pub(super) const REFEREE: &str = include_str!("referee.py");
 /// Every coordinate of a state that MuJoCo has given up: past what counts as diverged.
 const GONE: f64 = 2e5;
 

@@ -2,6 +2,8 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use nerd_sim::mjcf::is_mjcf;
+
 use crate::{prelude::*, roll::rolled};
 
 pub(super) const FRAMES: usize = 10;
@@ -89,7 +91,7 @@ pub struct Found {
     pub name: String,
 }
 
-/// `path`, or the .urdf files below it by name; also a folder below it that cannot be read. No link is followed.
+/// `path`, or the .urdf files and MJCFs (.xml) below it by name; also a folder below it that cannot be read. No link is followed.
 pub fn find(path: &Path) -> std::io::Result<Vec<Found>> {
     let above = if path.metadata()?.is_dir() { path } else { path.parent().unwrap_or(path) };
     let mut files = Vec::new();
@@ -107,7 +109,12 @@ fn search(path: &Path, above: &Path, files: &mut Vec<Found>) {
     for entry in inside {
         // A link may lead back up.
         let (path, kind) = (entry.path(), entry.file_type());
-        if kind.is_ok_and(|kind| kind.is_dir() || kind.is_file() && path.extension().is_some_and(|e| e == "urdf")) {
+        let robot = || match path.extension().and_then(|ending| ending.to_str()) {
+            Some("urdf") => true,
+            Some("xml") => text(&path).is_ok_and(|text| is_mjcf(&text)),
+            _ => false,
+        };
+        if kind.is_ok_and(|kind| kind.is_dir() || kind.is_file() && robot()) {
             search(&path, above, files);
         }
     }
@@ -120,6 +127,6 @@ pub(super) fn text(path: &Path) -> Result<String, String> {
 }
 
 /// The message, without the name that its row already has.
-pub(super) fn reason(error: &SystemError, name: &str) -> String {
+pub(super) fn reason(error: &impl std::fmt::Display, name: &str) -> String {
     error.to_string().replace(&format!("robot `{name}`: "), "")
 }

@@ -7,10 +7,10 @@ use super::built_in::{BUILT_IN, CABLES, FAMILIES, FOREIGN};
 use super::derive::touch;
 use super::derive::{derived, floats, plain};
 use super::{build::name_columns, cable::CableSpec, model::Source, spec::mesh_points, validate::check};
-use crate::{files::read_text, internal::*};
+use crate::{files::read_text, internal::*, mjcf::Description};
 
 impl System {
-    /// A built-in robot or cable by name, or by path the robot of a URDF file or the cable of a TOML ([`crate::cable`]).
+    /// A built-in robot or cable by name, or by path the robot of a URDF or MJCF file or the cable of a TOML ([`crate::cable`]).
     pub fn named(name: &str) -> Result<Arc<Self>, SystemError> {
         if let Some((_, spec, urdf)) = BUILT_IN.iter().chain(&FAMILIES).find(|b| b.0 == name) {
             return Self::from_text(name, urdf, Some(spec)).map(Arc::new);
@@ -23,7 +23,7 @@ impl System {
         let read = |path: &Path| read_text(path).map_err(|e| FileError::new(path, e));
         match path.extension().and_then(|ending| ending.to_str()) {
             Some("toml") => return Self::from_toml(&stem, &read(path)?).map(Arc::new),
-            Some("urdf") => {}
+            Some("urdf" | "xml") => {}
             _ => return Err(SystemError::Unknown(name.into())),
         }
         let beside = path.with_extension("toml");
@@ -43,38 +43,43 @@ impl System {
         }
     }
 
-    /// From the text of a URDF and of a specification; without one, see [`System::bare`], with a fixed base. Here no file is
-    /// known, and `urdf` in the specification means nothing.
+    /// From the text of a URDF or MJCF and of a specification; without one, see [`System::bare`], with the base that the file has, else a
+    /// fixed one. Here no file is known, and `urdf` in the specification means nothing.
     pub fn from_text(name: &str, urdf: &str, spec: Option<&str>) -> Result<Self, SystemError> {
         Self::read(name, urdf, spec, None)
     }
 
-    /// `path` is the URDF's, from which its meshes are found.
-    fn read(name: &str, urdf: &str, spec: Option<&str>, path: Option<&Path>) -> Result<Self, SystemError> {
+    /// `path` is the robot's file, from which its meshes are found.
+    fn read(name: &str, text: &str, spec: Option<&str>, path: Option<&Path>) -> Result<Self, SystemError> {
         let wrong = |e: String| SystemError::spec(name, e);
+        let refused = |e| SystemError::Urdf(name.into(), e);
+        let file = Description::of(text, path).map_err(refused)?;
         let text = match (spec, path) {
             (Some(text), _) => text,
-            (None, Some(_)) => return Self::derived(name, urdf, path, Table::new()),
-            (None, None) => return Self::bare_at(name, urdf, false, path),
+            (None, Some(_)) => return Self::derived(name, file, path, Table::new()),
+            (None, None) => return Self::moving(name, &file, file.floating().unwrap_or(false), path),
         };
         if let Some(own) = Spec::like_urdf(text).map_err(wrong)? {
-            return Self::derived(name, urdf, path, own);
+            return Self::derived(name, file, path, own);
         }
         let spec = Spec::read(text).map_err(wrong)?;
-        let mut read = UrdfRobot::read(urdf, base(spec.floating)).map_err(|e| SystemError::Urdf(name.into(), e))?;
+        file.stands(spec.floating).map_err(refused)?;
+        let mut read = UrdfRobot::read(&file.urdf, base(spec.floating)).map_err(refused)?;
+        read.notes.extend(file.notes);
         touch(&mut read, path, spec.mesh_points);
         Self::new(name, read, spec, Source::Specified)
     }
 
-    /// From a URDF, with what its numbers suggest (`derive.rs`) where `own`, keys of a specification, is silent.
-    fn derived(name: &str, urdf: &str, path: Option<&Path>, own: Table) -> Result<Self, SystemError> {
+    /// From a robot's file, with what its numbers suggest (`derive.rs`) where `own`, keys of a specification, is silent.
+    fn derived(name: &str, file: Description, path: Option<&Path>, own: Table) -> Result<Self, SystemError> {
         let points = own.get("mesh_points").and_then(toml::Value::as_integer).map_or(mesh_points(), |n| n.max(0) as usize);
         let read = |floating| -> Result<UrdfRobot, UrdfError> {
-            let mut read = UrdfRobot::read_alone(urdf, base(floating))?;
+            file.stands(floating)?;
+            let mut read = UrdfRobot::read_alone(&file.urdf, base(floating))?;
             touch(&mut read, path, points);
             Ok(read)
         };
-        let read = match own.get("floating").and_then(toml::Value::as_bool) {
+        let read = match own.get("floating").and_then(toml::Value::as_bool).or(file.floating()) {
             Some(floating) => read(floating),
             // Where one base cannot be had, the other is what the file asks for.
             None => match read(true) {
@@ -91,25 +96,45 @@ impl System {
             },
         };
         let mut read = read.map_err(|e| SystemError::Urdf(name.into(), e))?;
+        read.notes.extend(file.notes.iter().cloned());
         if untouched(&own) {
             read.robot.contact_points.clear();
         }
-        let joints = own.get("joint").and_then(toml::Value::as_array).into_iter().flatten();
+        let defaults = [&file.keys, &own].into_iter().flat_map(|keys| keys.get("joint").and_then(toml::Value::as_array)).flatten();
         let default = |joint: &toml::Value| Some((joint.get("name")?.as_str()?.to_string(), joint.get("default")?.as_float()?));
-        let defaults = joints.filter_map(default).collect();
-        let spec = derived(&mut read, path, &defaults, !own.contains_key("contact")).over(own).map_err(|e| SystemError::spec(name, e))?;
+        let defaults = defaults.filter_map(default).collect();
+        let keys = file.keys_of(&read.robot);
+        let spec = derived(&mut read, path, &file, &defaults, !own.contains_key("contact")).over(keys);
+        let its_own = own.contains_key("data_scene");
+        let mut spec = spec.and_then(|spec| spec.over(own)).map_err(|e| SystemError::spec(name, e))?;
+        let made = Self::new(name, read.clone(), spec.clone(), Source::Derived);
+        if made.is_ok() || its_own || file.floating() != Some(false) || spec.data_scene.is_none() {
+            return made;
+        }
+        // A robot that slides on the ground of its file is never clear of it.
+        read.notes.push("the ground of its file is no scene of its data, since no start is clear of it".into());
+        spec.data_scene = None;
         Self::new(name, read, spec, Source::Derived)
     }
 
-    /// From the text of a URDF alone: gravity along -z, 1/60 s, no torque.
-    pub fn bare(name: &str, urdf: &str, floating: bool) -> Result<Self, SystemError> {
-        Self::bare_at(name, urdf, floating, None)
+    /// From the text of a URDF or MJCF alone: gravity along -z where the file has none, 1/60 s, no torque.
+    pub fn bare(name: &str, text: &str, floating: bool) -> Result<Self, SystemError> {
+        Self::bare_at(name, text, floating, None)
     }
 
-    /// The same, its meshes found from where the URDF is.
-    pub fn bare_at(name: &str, urdf: &str, floating: bool, path: Option<&Path>) -> Result<Self, SystemError> {
-        let mut read = UrdfRobot::read_alone(urdf, base(floating)).map_err(|e| SystemError::Urdf(name.into(), e))?;
-        let spec = plain(&read.robot);
+    /// The same, its meshes found from where the file is.
+    pub fn bare_at(name: &str, text: &str, floating: bool, path: Option<&Path>) -> Result<Self, SystemError> {
+        let file = Description::of(text, path).map_err(|e| SystemError::Urdf(name.into(), e))?;
+        Self::moving(name, &file, floating, path)
+    }
+
+    fn moving(name: &str, file: &Description, floating: bool, path: Option<&Path>) -> Result<Self, SystemError> {
+        let read = file.stands(floating).and_then(|()| UrdfRobot::read_alone(&file.urdf, base(floating)));
+        let mut read = read.map_err(|e| SystemError::Urdf(name.into(), e))?;
+        let mut keys = file.keys_of(&read.robot);
+        keys.remove("data_scene");
+        let spec = plain(&read.robot).over(keys).map_err(|e| SystemError::spec(name, e))?;
+        read.notes.extend(file.notes.iter().cloned());
         read.base.clear();
         touch(&mut read, path, spec.mesh_points);
         Self::new(name, read, spec, Source::Derived)

@@ -17,7 +17,7 @@ impl Spec {
     /// The keys of a file that is like its URDF, which says the rest; none if it is like no URDF.
     pub(crate) fn like_urdf(text: &str) -> Result<Option<Table>, String> {
         let mut own: Table = toml::from_str(text).map_err(|e| e.to_string())?;
-        let like = own.get("like").and_then(toml::Value::as_str) == Some("urdf");
+        let like = matches!(own.get("like").and_then(toml::Value::as_str), Some("urdf" | "mjcf"));
         own.remove("like");
         Ok(like.then_some(own))
     }

@@ -13,7 +13,7 @@ use crate::scene::{WORLDS, described, world};
 #[non_exhaustive]
 pub enum SystemError {
     /// No such built-in robot, and no such file.
-    #[error("no robot `{0}`: choose from {known}, or the path of a .urdf (with a .toml beside it for what URDF cannot say) or of a cable's .toml", known = [System::built_in(), System::families(), System::cables()].concat().join(", "))]
+    #[error("no robot `{0}`: choose from {known}, or the path of a .urdf or MJCF (.xml; with a .toml beside it for what it cannot say) or of a cable's .toml", known = [System::built_in(), System::families(), System::cables()].concat().join(", "))]
     Unknown(String),
     /// No such scene.
     #[error("system `{0}` has no scene `{1}`: choose from {2}")]

@@ -7,6 +7,7 @@ mod identity;
 mod like;
 #[cfg(feature = "meshes")]
 mod meshes;
+mod mjcf;
 mod range;
 mod rig;
 mod robots;

@@ -9,7 +9,7 @@ settings! {
         ..
         /// Its data; these keys are among the run's own.
         record: RecordConfig;
-        /// Robot: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf
+        /// Robot: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf or MJCF (.xml)
         robot: String = String::new(), Text;
         /// Folder of the run; the same command continues it
         out: PathBuf = PathBuf::new(), Text;

@@ -6,7 +6,7 @@ use nerd_train::cost::powers;
 settings! {
     /// Speed against accuracy.
     pub struct Chart {
-        /// Robot: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf
+        /// Robot: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf or MJCF (.xml)
         robot: String = "pendulum".into(), Text;
         /// Scene: free, a scene of the robot (ground, or ground1 .. ground6 for the pendulum), plane, slope, box, steps, hills
         scene: String = "free".into(), Text;

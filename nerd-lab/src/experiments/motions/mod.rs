@@ -18,7 +18,7 @@ use nerd_train::cost::{on_one_core, powers};
 settings! {
     /// Along motions that no solver has seen.
     pub struct Motions {
-        /// Robot: a name, or the path of a .urdf or .toml
+        /// Robot: a name, or the path of a .urdf or MJCF (.xml) or .toml
         robot: String = "nerd-sim/assets/cables/lead-pegs.toml".into(), Text;
         /// Folders of models, comma-separated [default: none]
         model: Vec<PathBuf> = Vec::new(), Texts;

@@ -8,7 +8,7 @@ use nerd_core::dynamics::TreeFactor;
 use super::plain::{between, listed, plain, rounded};
 use super::{base::settle, limits::pose, spread::enough, srdf::pose_of};
 use crate::system::spec::{ControlSpec, JointSpec, RandomGains, RandomPlane, RootSpec, RootStart, StartSpec};
-use crate::{internal::*, scene::foot};
+use crate::{internal::*, mjcf::Description, scene::foot};
 
 /// Share of the robot's extent by which its weight presses its contacts in, borne by four of them; by one, if its base is fixed.
 const GIVE: f64 = 1e-3;
@@ -67,12 +67,21 @@ pub(crate) fn floats(robot: &Robot) -> bool {
     robot.joint_count() == 0 || legs(0, 1e-6) >= 2 || (1..n).any(|body| legs(body, LEG * height) >= 2)
 }
 
-/// The specification of a robot of which only the URDF is known; `path` is the file's, `defaults` are given positions of joints, and contact
-/// points are to `choose` if none are given.
-pub(crate) fn derived(read: &mut UrdfRobot, path: Option<&Path>, defaults: &BTreeMap<String, f64>, choose: bool) -> Spec {
+/// The specification of a robot of which only the `file` is known, at `path`; `defaults` are given positions of joints, and contact points are
+/// to `choose` if none are given.
+pub(crate) fn derived(
+    read: &mut UrdfRobot,
+    path: Option<&Path>,
+    file: &Description,
+    defaults: &BTreeMap<String, f64>,
+    choose: bool,
+) -> Spec {
     let UrdfRobot { robot, notes, base, .. } = read;
     let (mut state, pose) = pose_of(robot, path);
     let coords = robot.root_coords();
+    if robot.floating() {
+        state[3..7].copy_from_slice(&file.quaternion);
+    }
     for (q, joint) in state[coords..].iter_mut().zip(robot.joints()) {
         *q = defaults.get(&joint.name).copied().unwrap_or(*q);
     }
@@ -97,11 +106,11 @@ pub(crate) fn derived(read: &mut UrdfRobot, path: Option<&Path>, defaults: &BTre
     let (extent, weight) = (if extent > 1e-6 { extent } else { 1.0 }, robot.mass() * GRAVITY);
     let floating = robot.floating();
     notes.push(format!(
-        "only the URDF is given: pose {pose}, {} base, gravity along -z; `inspect --robot` shows all of it",
+        "only the robot's file is given: pose {pose}, {} base, gravity along -z; `inspect --robot` shows all of it",
         if floating { "free" } else { "fixed" }
     ));
     let low = robot.contact_points.iter().map(|p| foot(p, &data, &Vector3::z())).fold(f64::INFINITY, f64::min);
-    let height = if low.is_finite() { state.get(2).copied().unwrap_or(0.0) - low } else { 0.0 };
+    let height = file.floor + if low.is_finite() { state.get(2).copied().unwrap_or(0.0) - low } else { 0.0 };
     let gain = stiffness(weight, extent, false);
     let control = ControlSpec {
         relative: false,
@@ -129,14 +138,16 @@ pub(crate) fn derived(read: &mut UrdfRobot, path: Option<&Path>, defaults: &BTre
         ));
     }
     let contacts = listed(robot);
+    let mut material = if touches { material(weight, extent, if floating { 4.0 } else { 1.0 }) } else { Material::default() };
+    material.friction = file.friction.unwrap_or(material.friction);
     Spec {
         floating,
         substeps: 8,
-        material: if touches { material(weight, extent, if floating { 4.0 } else { 1.0 }) } else { Material::default() },
+        material,
         random_plane: (touches && !floating).then_some(RandomPlane { reach: rounded(extent), clearance: rounded(0.01 * extent) }),
         data_scene: (touches && floating).then(|| "plane".into()),
         control: driven.then_some(control),
-        root: floating.then(|| root(height, extent, touches.then_some(round))),
+        root: floating.then(|| root(height, file.quaternion, extent, touches.then_some(round))),
         joints,
         contacts,
         ..plain(robot)
@@ -179,12 +190,12 @@ fn material(weight: f64, extent: f64, points: f64) -> Material {
 }
 
 /// `round` is the largest radius of a contact point, from whose middle gaps are counted; none where nothing touches.
-fn root(height: f64, extent: f64, round: Option<f64>) -> RootSpec {
+fn root(height: f64, quaternion: [f64; 4], extent: f64, round: Option<f64>) -> RootSpec {
     let clearance = round.map(|radius| radius + rounded(GIVE * extent));
     let above = |share: f64| [Range::default(), Range::default(), Range { low: height, high: height + share * extent }];
     RootSpec {
         position: [0.0, 0.0, height],
-        quaternion: [0.0, 0.0, 0.0, 1.0],
+        quaternion,
         sample: RootStart {
             position: above(0.5),
             tilt: between(0.0, PI / 6.0),

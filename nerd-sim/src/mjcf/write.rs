@@ -201,10 +201,10 @@ fn pose(pose: &Isometry3<f64>) -> String {
     format!("pos=\"{}\" quat=\"{}\"", numbers(pose.translation.vector.as_slice()), numbers(&[q.w, q.i, q.j, q.k]))
 }
 
-fn numbers(x: &[f64]) -> String {
+pub(super) fn numbers(x: &[f64]) -> String {
     x.iter().map(f64::to_string).collect::<Vec<_>>().join(" ")
 }
 
-fn escape(text: &str) -> String {
+pub(super) fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
 }

@@ -1,0 +1,87 @@
+//! Accelerations of a robot as its file is read here beside those of MuJoCo, which reads the same file.
+
+use std::f64::consts::PI;
+
+use nalgebra::DMatrix;
+use nerd_sim::sampling::stream;
+use rand::RngExt;
+use serde_json::json;
+
+use super::referee::{Python, REFEREE, to_mujoco};
+use crate::prelude::*;
+
+/// Largest difference of accelerations over `count` random states, of the largest acceleration of its state. Contact, limits, dry friction and
+/// actuators are off; joints that follow others follow them in MuJoCo, too, which is asked along our coordinates. A URDF is written as MJCF
+/// first.
+///
+/// # Errors
+/// If either engine refuses the file, or they do not count the same joints.
+pub fn apart(python: &Path, path: &Path, count: u64) -> Result<f64> {
+    let system = System::named(&path.display().to_string())?;
+    let robot = &system.robot;
+    let mut python = Python::start(python, REFEREE)?;
+    let mut model = json!({ "frame_time": 0.0, "frames": 0, "starts": [] });
+    match path.extension().is_some_and(|ending| ending == "xml") {
+        true => model["path"] = json!(path),
+        false => model["mjcf"] = json!(nerd_sim::mjcf::mjcf(&system, &*system.scene("free")?, &[])?),
+    }
+    python.ask::<String>(&model)?;
+    let states: Vec<_> = (0..count).map(|k| state(robot, k)).collect();
+    let (dofs, root, coords) = (robot.dofs(), robot.root_dofs(), robot.root_coords());
+    let joints: Vec<_> = robot.links.iter().zip(&dofs).filter_map(|(link, dof)| Some((link.joint.as_ref()?, *dof))).collect();
+    let along = DMatrix::from_fn(root + joints.len(), robot.nv(), |row, column| match row.checked_sub(root) {
+        None => f64::from(u8::from(row == column)),
+        Some(k) if joints[k].1 == column => joints[k].0.ratio(),
+        Some(_) => 0.0,
+    });
+    let theirs = states.iter().map(|state| {
+        let state = to_mujoco(robot, state);
+        let (q, qd) = state.split_at(robot.nq());
+        let positions = joints.iter().map(|(joint, dof)| joint.ratio() * q[coords + dof - root] + joint.mimic().map_or(0.0, |m| m.offset));
+        let rates = &along * nalgebra::DVector::from_column_slice(qd);
+        q[..coords].iter().copied().chain(positions).chain(rates.iter().copied()).collect::<Vec<_>>()
+    });
+    let rows: Vec<Vec<f64>> = along.row_iter().map(|row| row.iter().copied().collect()).collect();
+    let theirs: Vec<Vec<f64>> = python.ask(&json!({ "accelerate": theirs.collect::<Vec<_>>(), "along": rows }))?;
+    let mut worst = 0.0f64;
+    for (state, theirs) in states.iter().zip(theirs) {
+        let ours = accelerations(&system, state)?;
+        let gap = ours.iter().zip(&theirs).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        worst = worst.max(gap / theirs.iter().map(|x| x.abs()).fold(1e-9, f64::max));
+    }
+    Ok(worst)
+}
+
+/// Joints anywhere within their limits, a root turned at random, velocities up to 2 (rad/s or m/s).
+fn state(robot: &Robot, k: u64) -> Vec<f64> {
+    let (mut rng, mut state) = (stream(17, k), robot.zero_state());
+    let (nq, coords) = (robot.nq(), robot.root_coords());
+    state.iter_mut().for_each(|x| *x = rng.random_range(-2.0..2.0));
+    for (q, joint) in state[coords..nq].iter_mut().zip(robot.joints()) {
+        let free = if joint.kind == JointKind::Prismatic { 1.0 } else { PI };
+        let [low, high] = joint.limit.map_or([-free, free], |limit| [limit.lower.max(-10.0), limit.upper.min(10.0)]);
+        *q = low + (high - low) * rng.random_range(0.0..1.0);
+    }
+    if robot.floating() {
+        let turn = UnitQuaternion::from_euler_angles(state[3], state[4], state[5]);
+        write_quaternion(&mut state[3..7], &turn);
+    }
+    state
+}
+
+/// In MuJoCo's form: of a free root that of its place, and in its own axes that of its turn.
+fn accelerations(system: &System, state: &[f64]) -> Result<Vec<f64>> {
+    let (robot, (q, twist)) = (&system.robot, system.robot.split(state));
+    let local = twist.to_local(robot, q);
+    let (mut tau, root) = (vec![0.0; robot.nv()], robot.root_dofs());
+    for (k, joint) in robot.joints().enumerate() {
+        tau[root + k] = -joint.damping * local.0[root + k] - joint.stiffness * (q[robot.root_coords() + k] - joint.rest);
+    }
+    let mut out = system.data().forward_dynamics(robot, q, &local, &tau, &system.gravity())?.as_slice().to_vec();
+    if robot.floating() {
+        out[..6].rotate_left(3);
+        let turned = quaternion(&q[3..7]).inverse() * vector(&out[3..6]);
+        out[3..6].copy_from_slice(turned.as_slice());
+    }
+    Ok(out)
+}

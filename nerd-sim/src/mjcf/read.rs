@@ -1,0 +1,64 @@
+//! A robot's file, URDF or MJCF, as a URDF and keys of a specification.
+
+use std::borrow::Cow;
+
+use mjcf_rs::Model;
+use toml::{Table, Value};
+
+use super::text::{Source, is_mjcf};
+use super::{keys::described, tree::Tree};
+use crate::internal::*;
+
+/// What a file says of a robot: all of it a URDF, but for what keys of a specification say.
+pub(crate) struct Description<'a> {
+    pub urdf: Cow<'a, str>,
+    /// Keys that take precedence over what is derived.
+    pub keys: Table,
+    pub notes: Vec<String>,
+    /// How a free root is turned in the file's pose, x y z w.
+    pub quaternion: [f64; 4],
+    /// Height of the file's ground along the up axis (m).
+    pub floor: f64,
+    /// Friction coefficient of its contacts.
+    pub friction: Option<f64>,
+}
+
+impl<'a> Description<'a> {
+    /// Of a robot's text, URDF or MJCF; `path` is the file's.
+    pub fn of(text: &'a str, path: Option<&Path>) -> Result<Self, UrdfError> {
+        let plain =
+            Self { urdf: text.into(), keys: Table::new(), notes: Vec::new(), quaternion: [0.0, 0.0, 0.0, 1.0], floor: 0.0, friction: None };
+        if !is_mjcf(text) {
+            return Ok(plain);
+        }
+        let source = Source::read(text, path.and_then(Path::parent).unwrap_or(Path::new(".")))?;
+        // User input never panics here, whatever mjcf-rs does.
+        let model = std::panic::catch_unwind(|| Model::from_str(&source.text, "."));
+        let model = model.map_err(|_| "malformed text".to_string()).and_then(|read| read.map_err(|e| e.to_string()));
+        let model = model.map_err(|e| {
+            UrdfError::Refused(format!("not an MJCF that can be read: {}", e.split_whitespace().collect::<Vec<_>>().join(" ")))
+        })?;
+        described(Tree::new(&model, &source)?.write()?)
+    }
+
+    /// Whether its base is free, where the file says so.
+    pub fn floating(&self) -> Option<bool> {
+        self.keys.get("floating").and_then(Value::as_bool)
+    }
+
+    /// Its keys without joints that the robot does not have: those that carry no mass are fixed.
+    pub fn keys_of(&self, robot: &Robot) -> Table {
+        let mut keys = self.keys.clone();
+        let there = |joint: &Value| joint.get("name").and_then(Value::as_str).is_some_and(|name| robot.joint(name).is_ok());
+        keys.get_mut("joint").and_then(Value::as_array_mut).into_iter().for_each(|joints| joints.retain(there));
+        keys
+    }
+
+    /// Refuses a base that the file does not have.
+    pub fn stands(&self, floating: bool) -> Result<(), UrdfError> {
+        match self.floating() {
+            Some(own) if own != floating => Err(UrdfError::Refused(format!("its MJCF has a {} base", if own { "free" } else { "fixed" }))),
+            _ => Ok(()),
+        }
+    }
+}
