@@ -96,16 +96,17 @@ fn varied(system: &System, take: &mut dyn FnMut(&Drawn) -> f64) -> Option<(Syste
     }
     let friction = take("friction", "", &vary.friction, system.spec.material.friction);
     let stiffness = take("stiffness", "", &vary.stiffness, 1.0).unwrap_or(1.0);
+    let damping = stiffness * take("contact_damping", "", &vary.contact_damping, 1.0).unwrap_or(1.0);
     let scenes = own.spec.scenes.iter_mut().filter_map(|s| s.material.as_mut());
     for material in scenes.chain([&mut own.spec.material]) {
         material.friction = friction.unwrap_or(material.friction);
         material.stiffness *= stiffness;
-        material.damping *= stiffness;
+        material.damping *= damping;
     }
     if let Some(size) = take("gravity", "", &vary.gravity, system.gravity().norm()) {
         own.spec.gravity = (own.gravity().normalize() * size).into();
     }
-    let Motors { delay, strength, zeros, ripple, noise } = &mut own.motors;
+    let Motors { delay, strength, zeros, ripple, noise, root_noise } = &mut own.motors;
     for (joint, spec) in own.robot.joints_mut().zip(&mut own.spec.joints) {
         if let Some(factor) = take("gain", &joint.name, &vary.gain, 1.0) {
             spec.kp *= factor;
@@ -124,6 +125,8 @@ fn varied(system: &System, take: &mut dyn FnMut(&Drawn) -> f64) -> Option<(Syste
     }
     *delay += take("delay", "", &vary.delay, 0.0).unwrap_or(0.0);
     *noise += take("noise", "", &vary.noise, 0.0).unwrap_or(0.0);
+    root_noise[0] += take("root_noise", "", &vary.root_noise, 0.0).unwrap_or(0.0);
+    root_noise[1] += take("turn_noise", "", &vary.turn_noise, 0.0).unwrap_or(0.0);
     own.drawn.clone_from(&drawn);
     Some((own, drawn))
 }

@@ -23,11 +23,13 @@ pub(super) const BUILT_IN: [(&str, &str, &str); 12] = built_in! {
 };
 
 /// The same of robots with a `[vary]`: each a family of robots.
-pub(super) const FAMILIES: [(&str, &str, &str); 4] = built_in! {
+pub(super) const FAMILIES: [(&str, &str, &str); 6] = built_in! {
     "pendulum-family", "pendulum";
     "franka-family", "franka";
     "ant-family", "ant";
     "anymal-family", "anymal";
+    "cube-family", "cube-family";
+    "elbow-family", "elbow-family";
 };
 
 /// Name and text of the cables that come with the crate.

@@ -83,7 +83,7 @@ impl System {
             value["self_collision"] = json!([capsules.collect::<Vec<_>>(), self.folds.own, self.folds.pairs]);
         }
         if !self.motors.ideal() {
-            let Motors { delay, strength, zeros, ripple, noise: _ } = &self.motors;
+            let Motors { delay, strength, zeros, ripple, .. } = &self.motors;
             value["motors"] = json!([delay, strength, zeros, ripple]);
         }
         value

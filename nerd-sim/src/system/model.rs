@@ -131,7 +131,7 @@ impl System {
 
     /// Whether sensors of its robots have noise.
     pub fn noisy(&self) -> bool {
-        self.spec.vary.as_ref().is_some_and(|vary| vary.noise.is_some())
+        self.spec.vary.as_ref().is_some_and(super::vary::VarySpec::noisy)
     }
 
     /// Its specification as TOML: with `urdf = ...` it can be put beside the file and edited.

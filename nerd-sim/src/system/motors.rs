@@ -20,6 +20,8 @@ pub struct Motors {
     /// Size of the white noise on what sensors show of each joint (rad or m): on its position, and over a frame time on its velocity. What is
     /// recorded has it ([`crate::dataset`]), nothing that is stepped.
     pub noise: f64,
+    /// The same of where a free root is (m), and how it is turned (rad).
+    pub root_noise: [f64; 2],
 }
 
 impl Motors {

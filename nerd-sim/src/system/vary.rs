@@ -17,6 +17,8 @@ pub struct VarySpec {
     pub friction: Option<Range>,
     /// Factor on the stiffness and the damping of contact, of robot and scene alike.
     pub stiffness: Option<Range>,
+    /// Factor on the damping of contact alone: how far the robot bounces.
+    pub contact_damping: Option<Range>,
     /// Size of gravity (m/s^2).
     pub gravity: Option<Range>,
     /// Factor on each joint's kp and kd, of drives and of tasks. Data whose gains are random (`control.data`) have them where a
@@ -41,6 +43,10 @@ pub struct VarySpec {
     /// Size of the white noise of each joint's sensor (rad or m): so much on its position, and that over a frame time on its velocity. It is in
     /// what a recording shows ([`crate::dataset::Recording::shown`]); no solver steps it.
     pub noise: Option<Range>,
+    /// The same of where a free root is measured to be (m).
+    pub root_noise: Option<Range>,
+    /// And of how it is turned (rad).
+    pub turn_noise: Option<Range>,
 }
 
 /// Farthest that a factor may lead.
@@ -48,13 +54,14 @@ const FACTOR: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
 
 impl VarySpec {
     /// The ranges by key, with what they may hold.
-    fn ranges(&self) -> [(&'static str, Option<Range>, std::ops::RangeInclusive<f64>, &'static str); 16] {
+    fn ranges(&self) -> [(&'static str, Option<Range>, std::ops::RangeInclusive<f64>, &'static str); 19] {
         [
             ("mass", self.mass, FACTOR, ""),
             ("inertia", self.inertia, FACTOR, ""),
             ("com", self.com, -1e3..=1e3, "m"),
             ("friction", self.friction, 0.0..=1e6, ""),
             ("stiffness", self.stiffness, FACTOR, ""),
+            ("contact_damping", self.contact_damping, FACTOR, ""),
             ("gravity", self.gravity, 1e-6..=1e3, "m/s^2"),
             ("gain", self.gain, 0.0..=1e3, ""),
             ("joint_damping", self.joint_damping, 0.0..=1e3, ""),
@@ -66,7 +73,14 @@ impl VarySpec {
             ("zero", self.zero, -1e3..=1e3, ""),
             ("ripple", self.ripple, 0.0..=1e6, ""),
             ("noise", self.noise, 0.0..=1e3, ""),
+            ("root_noise", self.root_noise, 0.0..=1e3, "m"),
+            ("turn_noise", self.turn_noise, 0.0..=1e3, "rad"),
         ]
+    }
+
+    /// Whether what sensors show has noise.
+    pub(crate) fn noisy(&self) -> bool {
+        [self.noise, self.root_noise, self.turn_noise].iter().any(Option::is_some)
     }
 
     /// Whether motors or sensors differ.
@@ -89,7 +103,10 @@ impl VarySpec {
             if joints.contains(&key) && robot.joint_count() == 0 {
                 return Err(format!("vary.{key}: the robot has no joint"));
             }
-            if ["friction", "stiffness"].contains(&key) && robot.contact_points.is_empty() {
+            if key.ends_with("_noise") && !robot.floating() {
+                return Err(format!("vary.{key}: the robot's root is not free"));
+            }
+            if ["friction", "stiffness", "contact_damping"].contains(&key) && robot.contact_points.is_empty() {
                 return Err(format!("vary.{key}: the robot has no contact point; give it [[contact]] points"));
             }
         }

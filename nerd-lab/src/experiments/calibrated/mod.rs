@@ -1,11 +1,13 @@
 //! Analytic solvers calibrated to measured trajectories, cross-validated over splits by trajectory ([`nerd_sim::calibrate`]).
 
+mod models;
 mod runs;
 mod split;
 mod tables;
 
 use crate::prelude::*;
 use crate::roll::refusal;
+pub use models::Modelled;
 use nerd_sim::calibrate::{Engine, Fit, FitConfig, Parameter, Subject, Trial, mean, thinned};
 use nerd_sim::log::{Log, Published, specified, tables};
 pub use runs::{Judged, Runs};
@@ -42,6 +44,9 @@ settings! {
         held: Vec<String> = Vec::new(), Texts;
         /// With --own: frames of each trajectory before its first judged rollout
         before: usize = 0, Whole(0..=*FRAMES.end());
+        /// Folders of models of the robot, or of a family of its kind, comma-separated: judged beside, shown the frames before each rollout
+        /// and shown none
+        models: Vec<PathBuf> = Vec::new(), Texts;
         /// Random splits by trajectory: fitted to one part, judged on another
         splits: usize = 5, Whole(1..=100);
         /// Share of the trajectories that are fitted to (%); half of the rest is judged on (the paper: 400 and 85 of 570)
@@ -85,6 +90,8 @@ pub struct CalibratedAll {
     #[serde(default)]
     pub published: Vec<Published>,
     pub fitted: Vec<Calibrated>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub models: Vec<Modelled>,
 }
 
 impl Calibration {
@@ -173,8 +180,9 @@ impl Calibration {
             Ok(all)
         })?
         .concat();
+        let models = self.models.iter().map(|folder| self.modelled(&log, folder, &parts)).collect::<Result<_>>()?;
         let (sizes, robot) = ([log.trajectories.len(), trials.len()], log.system.name.clone());
-        Ok(CalibratedAll { settings: self.clone(), robot, notes: log.notes, sizes, still, published: log.published, fitted })
+        Ok(CalibratedAll { settings: self.clone(), robot, notes: log.notes, sizes, still, published: log.published, fitted, models })
     }
 }
 
@@ -218,12 +226,18 @@ impl Experiment for Calibration {
             let setting = if solver == "rapier" { Setting::RapierSteps(1) } else { Setting::Implicit(self.substeps) };
             inputs.add(Input::motion("cube", "ground", &setting)?);
         }
+        for folder in &self.models {
+            inputs.add(Input::model(folder)?);
+        }
         let effort = (self.splits * self.solvers.len() * self.by.len() * self.evaluations * self.trials) as f64;
         Ok(About { name, seed: self.seed, effort, inputs })
     }
 
     fn measure(&self) -> Result<Measured> {
         if !(self.own.is_empty() && self.held.is_empty() && self.before == 0) {
+            if !self.models.is_empty() {
+                bail!("--models are judged beside what all trajectories share: leave --own, --held and --before out");
+            }
             let found = self.runs()?;
             return Measured::new(&found, found.tables());
         }

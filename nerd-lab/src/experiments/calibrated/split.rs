@@ -9,9 +9,9 @@ use crate::prelude::*;
 /// Trials that are fitted to, and those that are judged on; no trajectory is in both.
 pub(super) struct Parts {
     pub train: Vec<Trial>,
-    judged: Vec<Trial>,
+    pub judged: Vec<Trial>,
     /// Whole trajectories of the judged part.
-    whole: Vec<Trial>,
+    pub whole: Vec<Trial>,
     ids: Vec<u64>,
 }
 
@@ -95,7 +95,7 @@ impl Parts {
 
 impl Scored {
     /// Of trials' distances; whole trajectories are drawn with replacement.
-    fn new(trials: &[Trial], distances: &[Distance], seed: u64) -> Self {
+    pub(super) fn new(trials: &[Trial], distances: &[Distance], seed: u64) -> Self {
         let mut by_id: BTreeMap<u64, Vec<Distance>> = BTreeMap::new();
         trials.iter().zip(distances).for_each(|(t, g)| by_id.entry(t.id).or_default().push(*g));
         let groups: Vec<Vec<Distance>> = by_id.into_values().collect();

@@ -2,7 +2,7 @@
 
 use nerd_sim::calibrate::Distance;
 
-use super::{Calibrated, CalibratedAll, Scored, Split};
+use super::{Calibrated, CalibratedAll, Modelled, Scored, Split};
 use crate::report::{Table, digits};
 
 /// A parameter along whose bounds the objective rises by less than this share is not determined.
@@ -29,6 +29,11 @@ impl CalibratedAll {
                 &of(|s| &s.after),
                 Some(&of(|s| &s.whole_after)),
             ));
+        }
+        for Modelled { model, before, shown, withheld, whole } in &self.models {
+            let all = |scored: &'_ [Scored]| scored.iter().collect::<Vec<_>>();
+            rows.push(line(&format!("{model}, shown up to {before} frames before"), joints, &all(shown), None));
+            rows.push(line(&format!("{model}, shown none"), joints, &all(withheld), Some(&all(whole))));
         }
         let mut header = vec!["method", "position (m)", "rotation (rad)"];
         header.extend(joints.then_some("joints (rad or m)"));
