@@ -31,9 +31,9 @@ impl CalibratedAll {
             ));
         }
         for Modelled { model, before, shown, withheld, whole } in &self.models {
-            let all = |scored: &'_ [Scored]| scored.iter().collect::<Vec<_>>();
-            rows.push(line(&format!("{model}, shown up to {before} frames before"), joints, &all(shown), None));
-            rows.push(line(&format!("{model}, shown none"), joints, &all(withheld), Some(&all(whole))));
+            let [shown, withheld, whole] = [shown, withheld, whole].map(|all| all.iter().collect::<Vec<_>>());
+            rows.push(line(&format!("{model}, shown up to {before} frames before"), joints, &shown, None));
+            rows.push(line(&format!("{model}, shown none"), joints, &withheld, Some(&whole)));
         }
         let mut header = vec!["method", "position (m)", "rotation (rad)"];
         header.extend(joints.then_some("joints (rad or m)"));
