@@ -113,6 +113,24 @@ fn tosses_that_nothing_was_fitted_to_are_predicted_better() {
     (settings.solvers, settings.splits, settings.frames, settings.every) = (vec!["articulated".into()], 3, 40, 16);
     (settings.evaluations, settings.trials) = (60, 24);
     settings.parameters = vec!["com.z".into(), "damping".into(), "lag".into()];
+    // Models beside: one that adds nothing to the state, one of random weights that remembers, and one of another robot.
+    let (folder, cubes) = (tempfile::tempdir().expect("a folder"), System::named("cube-family").expect("built in"));
+    let save = |name: &str, model: nerd_model::folder::Model| {
+        let path = folder.path().join(name);
+        model.save(&path, name, Storage::F32).expect("saved");
+        path
+    };
+    let mut still = models::model(&cubes, Base::State);
+    still.weights.flat.fill(0.0);
+    // No turn, as a quaternion.
+    still.normalizer.outputs.mean[6] = 1.0;
+    let other = save("other", models::model(&System::named("pendulum").expect("built in"), Base::State));
+    settings.models = vec![other];
+    let reason = refusal(settings.measure().map(drop));
+    assert!(reason.contains("of another robot than the log"), "{reason}");
+    let mut remembers = models::placed(&cubes, Base::State, nerd_model::transformer::Positions::Rotary);
+    remembers.normalizer.outputs = nerd_model::normalizer::Moments { variance: vec![1e-8; 13], ..still.normalizer.outputs.clone() };
+    settings.models = vec![save("still", still), save("remembers", remembers)];
     let measured = settings.measure().expect("a calibration");
     let found: CalibratedAll = serde_json::from_value(measured.data.into()).expect("its data");
     let splits = &found.fitted[0].splits;
@@ -123,8 +141,20 @@ fn tosses_that_nothing_was_fitted_to_are_predicted_better() {
         let [low, mean, high] = [&split.after.low, &split.after.mean, &split.after.high].map(|g| g.position);
         assert!(low <= mean && mean <= high, "{mean} m is not between {low} and {high}");
     }
+    for (k, motionless) in found.still.iter().enumerate() {
+        let [still, remembers] = &found.modelled[..] else { panic!("two models") };
+        let apart = |g: &nerd_sim::calibrate::Distance| {
+            (g.position - motionless.mean.position).abs() + (g.rotation - motionless.mean.rotation).abs()
+        };
+        assert!(apart(&still.shown[k].mean) < 1e-9 && apart(&still.withheld[k].mean) < 1e-9, "what adds nothing stays");
+        let [shown, withheld] = [&remembers.shown[k].mean, &remembers.withheld[k].mean].map(|g| g.position);
+        assert!(shown != withheld && shown.is_finite() && withheld.is_finite(), "shown {shown}, withheld {withheld}");
+    }
     let text: String = measured.tables.iter().map(|table| table.markdown()).collect();
-    assert!(["no motion", "articulated implicit x4, calibrated", "com.z (m)"].iter().all(|word| text.contains(word)), "{text}");
+    assert!(
+        ["no motion", "articulated implicit x4, calibrated", "com.z (m)", "still, shown none"].iter().all(|word| text.contains(word)),
+        "{text}"
+    );
 }
 
 /// Five runs of a real double pendulum, whose encoders are set to zero by hand.

@@ -152,6 +152,46 @@ fn sensors_with_noise_show_it() {
     assert!(said.contains("`shown` has 0 numbers"), "{said}");
 }
 
+/// What is measured of a free root has noise of its size, on its velocities that over a frame time; no noise moves anything.
+#[test]
+fn a_free_root_is_measured_with_noise() {
+    let noisy = |place: f64, turn: f64| {
+        varied("cube", VarySpec { root_noise: between(place, place), turn_noise: between(turn, turn), ..Default::default() })
+    };
+    let record = |system: &Arc<System>| {
+        let config = GenerateConfig { transitions: 1600, shard_trajectories: 16, ..Default::default() };
+        record(system, &mut *Truth::Articulated.solver(system), &config, 0, 16).expect("it can be recorded")
+    };
+    let (system, still) = (noisy(1e-3, 5e-3), record(&noisy(0.0, 0.0)));
+    let (all, dt) = (record(&system), system.frame_time);
+    assert!(vary::columns(&system) == ["root_noise", "turn_noise"] && all.states == still.states && still.shown.len() == all.shown.len());
+    let mut squares = [0.0; 4];
+    for row in 0..1600 {
+        let local = |x: &[f64]| {
+            let (p, w) = (vector(&x[..3]), vector(&x[7..10]));
+            (p, quaternion(&x[3..7]), w, vector(&x[10..13]) + w.cross(&p))
+        };
+        let at = row + row / 100;
+        let ((p, q, w, v), (p0, q0, w0, v0)) = (local(&all.shown[13 * row..][..13]), local(&all.states[13 * at..][..13]));
+        let gaps = [(p - p0) / 1e-3, (q0.inverse() * q).scaled_axis() / 5e-3, (v - v0) * dt / 1e-3, (w - w0) * dt / 5e-3];
+        squares.iter_mut().zip(gaps).for_each(|(sum, gap)| *sum += gap.norm_squared() / 4800.0);
+    }
+    // Some four standard errors.
+    assert!(squares.iter().all(|s| (s - 1.0).abs() < 0.08), "{squares:?}");
+    let fixed = System::texts("pendulum").expect("built in");
+    let said = line(System::from_text("pendulum", fixed.1, Some(&format!("{}\n[vary]\nturn_noise = \"U(0, 0.1)\"\n", fixed.0))));
+    assert!(said.contains("vary.turn_noise: the robot's root is not free"), "{said}");
+}
+
+#[test]
+fn contacts_of_a_family_are_as_stiff_and_damped_as_drawn() {
+    let system = varied("cube", VarySpec { stiffness: between(0.5, 2.0), contact_damping: between(0.5, 2.0), ..Default::default() });
+    let (own, drawn) = vary::draw(&system, &mut nerd_sim::sampling::stream(3, 0));
+    let ([now, was], [stiffer, damped]) = ([own.spec.material, system.spec.material], [drawn[0], drawn[1]]);
+    let apart = (now.stiffness / was.stiffness - stiffer).abs() + (now.damping / was.damping - stiffer * damped).abs();
+    assert!(vary::columns(&system) == ["stiffness", "contact_damping"] && apart < 1e-12 && stiffer != damped, "{drawn:?}");
+}
+
 /// A cube on the slope of 10 degrees from rest: `v = g (sin a - mu cos a) t` where that is positive.
 #[test]
 fn each_slides_by_its_own_friction() {

@@ -91,7 +91,7 @@ pub struct CalibratedAll {
     pub published: Vec<Published>,
     pub fitted: Vec<Calibrated>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub models: Vec<Modelled>,
+    pub modelled: Vec<Modelled>,
 }
 
 impl Calibration {
@@ -180,9 +180,9 @@ impl Calibration {
             Ok(all)
         })?
         .concat();
-        let models = self.models.iter().map(|folder| self.modelled(&log, folder, &parts)).collect::<Result<_>>()?;
+        let modelled = self.models.iter().map(|folder| self.modelled(&log, folder, &parts)).collect::<Result<_>>()?;
         let (sizes, robot) = ([log.trajectories.len(), trials.len()], log.system.name.clone());
-        Ok(CalibratedAll { settings: self.clone(), robot, notes: log.notes, sizes, still, published: log.published, fitted, models })
+        Ok(CalibratedAll { settings: self.clone(), robot, notes: log.notes, sizes, still, published: log.published, fitted, modelled })
     }
 }
 

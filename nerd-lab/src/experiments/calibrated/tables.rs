@@ -30,7 +30,7 @@ impl CalibratedAll {
                 Some(&of(|s| &s.whole_after)),
             ));
         }
-        for Modelled { model, before, shown, withheld, whole } in &self.models {
+        for Modelled { model, before, shown, withheld, whole } in &self.modelled {
             let [shown, withheld, whole] = [shown, withheld, whole].map(|all| all.iter().collect::<Vec<_>>());
             rows.push(line(&format!("{model}, shown up to {before} frames before"), joints, &shown, None));
             rows.push(line(&format!("{model}, shown none"), joints, &withheld, Some(&whole)));
