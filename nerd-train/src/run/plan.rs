@@ -45,7 +45,7 @@ impl Plan {
         if config.told && vary::columns(&system).is_empty() {
             refuse!("--told: nothing of `{}` is drawn; give its TOML a [vary]", system.name);
         }
-        if config.unrolled().is_some() && system.noisy() {
+        if config.unrolled().is_some() && config.log().is_none() && system.noisy() {
             refuse!(
                 "--sequence rolls out from states as they are, and sensors of `{}` have noise: take --history or --stream",
                 system.name

@@ -45,7 +45,7 @@ settings! {
         /// With --own: frames of each trajectory before its first judged rollout
         before: usize = 0, Whole(0..=*FRAMES.end());
         /// Folders of models of the robot, or of a family of its kind, comma-separated: judged beside, shown the frames before each rollout
-        /// and shown none
+        /// and shown none. Those that learned from the log are judged where they held out what is judged
         models: Vec<PathBuf> = Vec::new(), Texts;
         /// Random splits by trajectory: fitted to one part, judged on another
         splits: usize = 5, Whole(1..=100);
@@ -180,7 +180,7 @@ impl Calibration {
             Ok(all)
         })?
         .concat();
-        let modelled = self.models.iter().map(|folder| self.modelled(&log, folder, &parts)).collect::<Result<_>>()?;
+        let modelled = self.modelled(&log, &parts)?;
         let (sizes, robot) = ([log.trajectories.len(), trials.len()], log.system.name.clone());
         Ok(CalibratedAll { settings: self.clone(), robot, notes: log.notes, sizes, still, published: log.published, fitted, modelled })
     }

@@ -5,6 +5,7 @@ use nerd_model::pick::learned;
 use nerd_sim::calibrate::{Distance, Trial, distance};
 use nerd_sim::instruments::Recorder;
 use nerd_sim::log::{Log, Trajectory};
+use nerd_sim::truth::RECORDED;
 use nerd_train::evaluate::Pieces;
 
 use super::{Calibration, Parts, Scored};
@@ -13,6 +14,7 @@ use crate::prelude::*;
 /// A model's errors on the judged part of every split.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Modelled {
+    /// Its folder; where there is one for each split, the first.
     pub model: String,
     /// Frames before a rollout on which its predictions may depend.
     pub before: usize,
@@ -24,30 +26,74 @@ pub struct Modelled {
     pub whole: Vec<Scored>,
 }
 
-impl Calibration {
-    pub(super) fn modelled(&self, log: &Log, folder: &Path, parts: &[Parts]) -> Result<Modelled> {
+/// A model with its robot.
+struct Judged<'a> {
+    folder: &'a Path,
+    own: Arc<System>,
+    model: Model,
+    /// Of one that learned from recorded motion: the trajectories that it did not see.
+    held_out: Option<Vec<u64>>,
+}
+
+impl<'a> Judged<'a> {
+    fn new(log: &Log, folder: &'a Path) -> Result<Self> {
         let config = ModelConfig::read(folder)?;
         let own = if config.robot == log.system.name { log.system.clone() } else { System::named(&config.robot)? };
         own.alike(&log.system).map_err(|e| anyhow::anyhow!("{}: of another robot than the log: {e}", folder.display()))?;
-        let (model, before) = (Model::load(folder, &own, None)?, config.network.reach() - 1);
-        let bar = bar(&format!("{}", folder.display()), 3 * parts.len() as u64);
+        let said = config.provenance.get("held out").map_or("", String::as_str);
+        let held_out = config.truth.starts_with(RECORDED).then(|| said.split(", ").filter_map(|id| id.parse().ok()).collect());
+        Ok(Self { folder, model: Model::load(folder, &own, None)?, own, held_out })
+    }
+
+    /// Whether it has seen nothing of what is judged.
+    fn fair(&self, part: &Parts) -> bool {
+        self.held_out.as_ref().is_none_or(|ids| part.judged.iter().all(|trial| ids.contains(&trial.id)))
+    }
+}
+
+impl Calibration {
+    /// Each model; of those that learned from recorded motion one row, each split judged by the one that held out what is judged there.
+    pub(super) fn modelled(&self, log: &Log, parts: &[Parts]) -> Result<Vec<Modelled>> {
+        let all = self.models.iter().map(|folder| Judged::new(log, folder)).collect::<Result<Vec<_>>>()?;
+        let mut rows: Vec<Vec<&Judged>> = all.iter().filter(|m| m.held_out.is_none()).map(|m| vec![m; parts.len()]).collect();
+        if let Some(first) = all.iter().find(|m| m.held_out.is_some()) {
+            let of = |(k, part): (usize, &Parts)| {
+                let found = all.iter().find(|m| m.held_out.is_some() && m.fair(part));
+                found.ok_or_else(|| anyhow::anyhow!("--models {}: none held out what split {} is judged on", first.folder.display(), k + 1))
+            };
+            rows.push(parts.iter().enumerate().map(of).collect::<Result<_>>()?);
+        }
+        rows.iter().map(|models| self.judge(log, models, parts)).collect()
+    }
+
+    /// Models, one for each split.
+    fn judge(&self, log: &Log, models: &[&Judged], parts: &[Parts]) -> Result<Modelled> {
+        let mut names: Vec<String> = models.iter().map(|m| shipped::from_root(m.folder)).collect();
+        names.dedup();
+        let name = match &names[..] {
+            [first, others @ ..] if !others.is_empty() => format!("{first} and {} more, each on its split", others.len()),
+            _ => names.concat(),
+        };
+        let before = models.iter().map(|m| m.model.config.network.reach() - 1).max().unwrap_or(0);
+        let bar = bar(&name, 3 * parts.len() as u64);
         let scored = |of: fn(&Parts) -> &[Trial], before: usize| {
-            let one = |(part, seed): (&Parts, u64)| -> Result<Scored> {
-                let distances = rolled(log, &own, &model, of(part), before)?;
+            let one = |((part, model), seed): ((&Parts, &&Judged), u64)| -> Result<Scored> {
+                let distances = rolled(log, model, of(part), before)?;
                 bar.add(1);
                 Ok(Scored::new(of(part), &distances, seed))
             };
-            parts.iter().zip(self.seed..).map(one).collect::<Result<Vec<_>>>()
+            parts.iter().zip(models).zip(self.seed..).map(one).collect::<Result<Vec<_>>>()
         };
-        let (shown, withheld) = (scored(|part| &part.judged, before)?, scored(|part| &part.judged, 0)?);
+        let withheld = scored(|part| &part.judged, 0)?;
+        let shown = if before > 0 { scored(|part| &part.judged, before)? } else { withheld.clone() };
         let whole = scored(|part| &part.whole, 0)?;
         bar.finish();
-        Ok(Modelled { model: shipped::from_root(folder), before, shown, withheld, whole })
+        Ok(Modelled { model: name, before, shown, withheld, whole })
     }
 }
 
 /// Distance of every trial from a model's rollout, shown at most so many frames before it.
-fn rolled(log: &Log, own: &Arc<System>, model: &Model, trials: &[Trial], before: usize) -> Result<Vec<Distance>> {
+fn rolled(log: &Log, Judged { own, model, .. }: &Judged, trials: &[Trial], before: usize) -> Result<Vec<Distance>> {
     let mut groups: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
     for (k, trial) in trials.iter().enumerate() {
         groups.entry((trial.first.min(before), trial.torques.len())).or_default().push(k);

@@ -32,8 +32,11 @@ impl CalibratedAll {
         }
         for Modelled { model, before, shown, withheld, whole } in &self.modelled {
             let [shown, withheld, whole] = [shown, withheld, whole].map(|all| all.iter().collect::<Vec<_>>());
-            rows.push(line(&format!("{model}, shown up to {before} frames before"), joints, &shown, None));
-            rows.push(line(&format!("{model}, shown none"), joints, &withheld, Some(&whole)));
+            let none = if *before > 0 { ", shown none" } else { ", sees one frame" };
+            if *before > 0 {
+                rows.push(line(&format!("{model}, shown up to {before} frames before"), joints, &shown, None));
+            }
+            rows.push(line(&format!("{model}{none}"), joints, &withheld, Some(&whole)));
         }
         let mut header = vec!["method", "position (m)", "rotation (rad)"];
         header.extend(joints.then_some("joints (rad or m)"));
