@@ -356,3 +356,17 @@ fn kernels_go_back_as_the_solver_does() {
         assert!(double[39] < 1e-9 && single[38] < 1e-3 && single[39] < 0.1, "{what}: {double:?}, f32 {single:?}");
     }
 }
+
+#[test]
+fn frames_finer_than_is_kept_go_back_by_what_is_kept() {
+    let Some(compiler) = Compiler::find() else { return };
+    let mut case = sampled("pendulum", "ground1", ArticulatedConfig::implicit(1, Friction::Coulomb));
+    case.batch.states.chunks_exact_mut(4).flat_map(|state| &mut state[2..]).for_each(|v| *v *= 6.0);
+    let apart = back_apart(&case, &compiler, Real::F64);
+    let whole = apart.iter().filter(|off| **off < 1e-9).count();
+    assert!(
+        (1..apart.len()).contains(&whole),
+        "{whole} of {} frames as the solver: some should ask for more than is kept, not all",
+        apart.len()
+    );
+}

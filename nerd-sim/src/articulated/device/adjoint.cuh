@@ -1,6 +1,6 @@
 // Slopes of the sweeps along the tree, as nerd_core's dynamics/adjoint.rs, where they are explained, and what a thread keeps for them.
 
-constexpr int STEPS = 8 * MOST_SUBSTEPS;   // substeps that are kept at most: a frame that its energy asks to be finer has no slopes here
+constexpr int STEPS = 8 * MOST_SUBSTEPS;   // substeps that are kept at most: of a frame that its energy asks to be finer the slopes are those of so many
 
 FN Wrench operator-(Wrench a, Wrench b) { return wrench(a.ang - b.ang, a.lin - b.lin); }
 FN Wrench operator*(Wrench a, real k) { return wrench(a.ang * k, a.lin * k); }

@@ -4,11 +4,11 @@
 // Keeps them.
 struct Keeper {
     Back& b;
-    bool begin(bool ahead, int steps) const {
+    static constexpr int most = STEPS;
+    void begin(bool ahead, int steps) const {
         b.ahead = ahead;
         b.steps = steps;
         for (int k = 0; k < WEIGHTS; k++) b.since[k] = -1;
-        return steps <= STEPS;
     }
     void begins(const Work& w, int number) const {
         Kept& kept = b.kept[number];

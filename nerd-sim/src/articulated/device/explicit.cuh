@@ -213,7 +213,7 @@ FN double grown(const Explicit& e, int k, real h) {
 template <class K> BIG int runge_kutta(Work& w, Explicit& e, const double* scene, const double* tau, int substeps, const K& keeper) {
     Tree& t = w.tree;
     const real h = (real)(FRAME / substeps);
-    if (!keeper.begin(false, substeps)) return FINER;
+    keeper.begin(false, substeps);
     t.shift = v3(0, 0, 0);
     see(w, scene);
     for (int substep = 0; substep < substeps; substep++) {

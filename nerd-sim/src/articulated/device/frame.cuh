@@ -92,9 +92,10 @@ BIG int moved(Work& w, const double* state, const double* tau, const double* sce
     bool eventful = false;
     for (int finer = 1;;) {
         const int done = attempt(w, state, tau, scene, drives, forces, finer, keeper), substeps = MOST_SUBSTEPS * finer;
-        if (!WATCHED || substeps >= FINEST || done == FINER) return done;
+        if (!WATCHED || substeps >= FINEST || 2 * substeps > K::most) return done;
         eventful = eventful || w.eventful;
-        const int times = done ? 2 : eventful ? refine(w, state, tau, scene, substeps) : 1;
+        int times = done ? 2 : eventful ? refine(w, state, tau, scene, substeps) : 1;
+        while (times * substeps > K::most) times /= 2;
         if (times == 1) return 0;
         finer *= times;
         take(w.tree, state);

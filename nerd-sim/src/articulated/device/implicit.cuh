@@ -279,7 +279,7 @@ BIG int implicit(Work& w, const double* scene, const double* tau, const double* 
     const int whole = 1 << HALVINGS;
     int halved = 0, done = 0;      // how often this substep is; parts of the whole one that are behind
     real shared = 0;               // the length for which dampers are known
-    if (!keeper.begin(true, substeps)) return FINER;
+    keeper.begin(true, substeps);
     tr.shift = v3(0, 0, 0);
     for (int k = 0; k < WEIGHTS; k++) w.weight[k] = -1;
     for (int substep = 0; substep < substeps;) {

@@ -39,8 +39,6 @@ const WALKS: usize = 4000;
 /// What a frame says beyond `1 + DoF` of a mass matrix that is none: a distance that is not a number, a state that is none.
 const LOST: i32 = 1 << 20;
 const GONE: i32 = LOST + 1;
-/// What its way back says beside: more substeps than are kept.
-const FINER: i32 = GONE + 1;
 
 /// Precision of the kernels; states are f64 in both.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -145,7 +143,7 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
     let own = [("BARREL", BARREL), ("DAMPED", bounds.damped)];
     let reals = constants.into_iter().chain(more).chain(energy).chain(own);
     text.define(reals.map(|(name, x)| (name, format!("((real){})", number(x)))));
-    text.define([("LOST", LOST), ("GONE", GONE), ("FINER", FINER)]);
+    text.define([("LOST", LOST), ("GONE", GONE)]);
     text.define([("FRAME", format!("{:e}", system.frame_time))]);
     text.0 += KERNELS[0];
     links(&mut text, system);
@@ -300,7 +298,6 @@ pub fn record(scene: &Scene, system: &System, config: &ArticulatedConfig, reach:
 pub fn fault(robot: &Robot, code: i32) -> String {
     match code {
         LOST => "a contact point's distance is not a number: the state or the collider is not finite".into(),
-        FINER => "the frame's energy asks for more substeps than are kept for its slopes: take them on the CPU, or more substeps".into(),
         GONE => "the state after the frame is not a number; the state before it is the last good one".into(),
         code => Factor::new(robot).fault_at(robot, Some(code as usize - 1)),
     }

@@ -46,7 +46,8 @@ FN bool idle(const Touch& t) { return t.parted || t.held; }
 
 // Whom a frame tells of its substeps: nobody, or who goes back over them (back.cuh).
 struct Nobody {
-    bool begin(bool, int) const { return true; }
+    static constexpr int most = 1 << 30;   // substeps of a frame that it can be told of
+    void begin(bool, int) const {}
     void begins(const Work&, int) const {}
     void ends(const Work&, int, real) const {}
 };
