@@ -1,7 +1,7 @@
 //! Verdicts: what has learned nothing errs as its base, and what is linear is learned by the linear map.
 
 use nerd_sim::instruments::{Glide, Hold};
-use nerd_train::verdict::{Verdict, verdict};
+use nerd_train::verdict::{Row, Verdict, verdict};
 
 use crate::common::models::model;
 use crate::*;
@@ -33,6 +33,12 @@ fn a_model_that_adds_nothing_is_its_base_and_is_told_so() {
         assert!(!found.line().starts_with("use the network"), "{}", found.line());
         assert!(found.equal().is_some(), "at the truth's own substeps the error is 0");
         assert!(found.articulated.iter().rev().skip(1).all(|row| row.mean() > found.model.mean()), "{:?}", found.articulated);
+        // Another solver that errs less is advised where it is known to take less time.
+        for microseconds in [1e-3, 0.0] {
+            let other = Row { of: "another".into(), errors: found.model.errors.clone(), microseconds, diverged: 0 };
+            let line = Verdict { beside: vec![other], ..found.clone() }.line();
+            assert_eq!(line.starts_with("use the solver: another errs no more"), microseconds > 0.0, "{line}");
+        }
     }
 }
 
