@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use nerd_lab::mujoco::{Mujoco, Referee, Scheme, from_mujoco, to_mujoco};
+use nerd_lab::mujoco::{Mujoco, Referee, Scheme, apart, from_mujoco, to_mujoco};
 use nerd_sim::{mjcf::mjcf, prelude::*};
 
 /// A robot and one of its scenes.
@@ -132,6 +132,33 @@ fn mujoco_moves_as_ours_does() {
         }
         println!("{name}, limits {limits}: MuJoCo {} within {worst:.1e} over a second", mujoco.version);
         assert!(worst < bound, "{name}: MuJoCo is {worst:.1e} away, allowed {bound:.0e}");
+    }
+}
+
+/// MuJoCo reads a file of its own as we do, whatever it leaves to its compiler; and the built-in robots as we write them.
+#[test]
+fn a_file_accelerates_as_mujoco_reads_it() {
+    let Some(python) = python() else { return };
+    let body = r#"<body name="b" pos=".1 .2 .3" euler="20 90 -30"><joint name="a" axis="1 2 3" pos=".1 0 0" ref="20" damping=".3" stiffness="2" springref="9"/>
+        <joint name="c" type="slide" axis="0 1 1" ref=".2" armature=".1"/><geom type="capsule" fromto="0 0 0 .1 .2 .3" size=".05"/>
+        <geom type="ellipsoid" size=".1 .2 .3" pos=".1 0 0" axisangle="1 0 1 40"/><frame pos="0 .1 0" euler="0 45 0"><geom type="box" size=".1 .05 .2" mass="2"/></frame>
+        <body zaxis="1 1 0"><joint name="d" armature=".2" stiffness="4" springref="30"/><geom type="cylinder" size=".1 .2" density="300"/>
+        <body xyaxes="0 1 0 -1 1 0" pos=".2 0 0"><joint name="e"/><inertial pos="0 0 .1" quat="1 1 0 0" mass="1" diaginertia=".1 .1 .5"/></body></body></body>"#;
+    let equality = r#"<equality><joint joint1="d" joint2="a" polycoef=".1 .5 0 0 0"/></equality>"#;
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("r.xml");
+    for root in ["", "<freejoint/>"] {
+        let settings = r#"<compiler eulerseq="ZYx" balanceinertia="true" settotalmass="30"/><option gravity="1 2 -9"/>"#;
+        let text = format!(
+            r#"<mujoco>{settings}<worldbody><body name="root">{root}<geom size=".2"/>{body}</body></worldbody>{equality}</mujoco>"#
+        );
+        std::fs::write(&path, text).expect("a file");
+        let gap = apart(&python, &path, 100).expect("read by both");
+        assert!(gap < 1e-9, "{root}: accelerations are {gap:.1e} from MuJoCo's");
+    }
+    for name in ["ant", "anymal", "cube"] {
+        let gap = apart(&python, &Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../nerd-sim/assets/{name}.urdf")), 100);
+        assert!(*gap.as_ref().expect("read by both") < 1e-9, "{name}: accelerations are {gap:?} from MuJoCo's");
     }
 }
 

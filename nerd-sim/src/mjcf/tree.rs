@@ -118,8 +118,9 @@ impl<'a> Tree<'a> {
     pub fn write(mut self) -> Result<Self, UrdfError> {
         let model = self.model;
         let inertia = |(id, entry): (usize, &mjcf_rs::BodyEntry)| {
-            let still = self.still(id);
-            let found = if still { Ok(BodyInertia::default()) } else { of(&entry.body, model) };
+            // What stands counts where a total is set, but for the world itself.
+            let counts = id > 0 && model.compiler.set_total_mass > 0.0;
+            let found = if self.still(id) && !counts { Ok(BodyInertia::default()) } else { of(&entry.body, model) };
             found.map_err(|reason| self.source.refused("body", &self.places[id].link, reason))
         };
         let inertias = model.bodies.iter().enumerate().map(inertia).collect::<Result<Vec<_>, _>>()?;
