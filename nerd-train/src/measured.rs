@@ -152,6 +152,10 @@ impl Measured {
             let longest = part.iter().map(self::frames).max().unwrap_or(0);
             refuse!("`{}`: no trajectory of its part has {length} frames, the longest {longest}; ask for fewer", self.truth);
         }
+        let short = part.iter().filter(|t| self::frames(t) < length).count();
+        if short > 0 {
+            tell!("{short} of {} trajectories have less than {length} frames, and no rollout", part.len());
+        }
         self.cut(part, &starts, [before, frames], most)
     }
 
@@ -185,10 +189,7 @@ impl Measured {
         if others.len() < other.trajectories.len() {
             refuse!("--beside: two of its trajectories begin in one state, so it is not clear which of them goes on as what was held out");
         }
-        // As many as most of them have.
-        let mut lengths: Vec<usize> = others.values().map(|t| self::frames(t)).collect();
-        lengths.sort_unstable();
-        let frames = frames.or_else(|| lengths.get(lengths.len() / 2).copied()).unwrap_or(0);
+        let frames = frames.unwrap_or_else(|| median(others.values().map(|t| self::frames(t))));
         let starts = self.held_out.iter().enumerate().flat_map(|(k, t)| {
             let last = (t.states.len() - 1).checked_sub(frames).map_or(0, |last| last + 1);
             (before..last).map(move |first| (k, first))
@@ -210,9 +211,9 @@ impl Measured {
 
     /// The same for a network, which sees all that a prediction of its depends on; as long as an evaluation, where trajectories are.
     pub fn rollouts(&self, part: &[Trajectory], network: &TransformerConfig, most: usize) -> Result<Pieces> {
-        let longest = part.iter().map(frames).max().unwrap_or(0);
-        let before = (network.reach() - 1).min(longest / 2);
-        let frames = horizon(&self.log.system.name).min(longest - before);
+        let most_have = median(part.iter().map(self::frames));
+        let before = (network.reach() - 1).min(most_have / 2);
+        let frames = horizon(&self.log.system.name).min(most_have - before);
         self.pieces(part, [before, frames, frames], most)
     }
 
@@ -242,6 +243,13 @@ impl Measured {
         bar.finish();
         Ok(subject.with(&parameters, &fit.values)?)
     }
+}
+
+/// As many frames as most have.
+fn median(lengths: impl Iterator<Item = usize>) -> usize {
+    let mut lengths: Vec<usize> = lengths.collect();
+    lengths.sort_unstable();
+    lengths.get(lengths.len() / 2).copied().unwrap_or(0)
 }
 
 fn frames(trajectory: &Trajectory) -> usize {

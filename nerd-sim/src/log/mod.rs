@@ -30,9 +30,16 @@ impl Log {
     pub fn read(path: &Path, csv: Option<&Path>) -> Result<Self, LogError> {
         let (spec, system) = read::specified(path)?;
         let csv = csv.map_or_else(|| path.with_file_name(&spec.file), Path::to_path_buf);
-        let scene = system.scene(&spec.scene)?;
+        let scene_name = spec.scene.clone().unwrap_or_else(|| if system.scene("ground").is_ok() { "ground" } else { "free" }.into());
+        let scene = system.scene(&scene_name)?;
         let (mut raw, mut notes) = (read::rows(&csv, &spec, &system)?, Vec::new());
         check::rates(&csv, &spec, &system, &raw)?;
+        let told = |name: &str| spec.joints.iter().any(|joint| joint.name == name && joint.torque.is_some());
+        let driven = system.robot.joints().zip(system.torque_amplitudes()).filter(|(joint, most)| *most > 0.0 && !told(&joint.name));
+        let driven: Vec<String> = driven.map(|(joint, _)| format!("`{}`", joint.name)).collect();
+        if !driven.is_empty() {
+            notes.push(format!("no `torque` is named of {}, which the robot drives: taken as 0", driven.join(", ")));
+        }
         tidy::copies(&system, &mut raw, &mut notes);
         let cut = tidy::cut(raw, &mut notes);
         if cut.is_empty() {
@@ -45,7 +52,7 @@ impl Log {
             return Err(bad(&csv, text));
         }
         let trajectories = tidy::states(&system, cut, &mut notes);
-        let (scene_name, folds, published) = (spec.scene.clone(), spec.folds.clone(), spec.published.clone());
+        let (folds, published) = (spec.folds.clone(), spec.published.clone());
         let (about, cost) = (spec.about.clone(), spec.cost);
         let mut log = Self { about, cost, scene: scene_name, system, trajectories, notes, folds, published };
         log.parted().map_err(|reason| bad(path, reason))?;

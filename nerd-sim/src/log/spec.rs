@@ -10,7 +10,7 @@ use serde::{Deserialize, Deserializer, Serialize, de::Error};
 /// cost = 60.5                       # time (us) that a frame took on one core, where a simulator made it
 /// file = "tosses.csv"               # beside this one: .csv, .npz or .safetensors; or a folder of such tables
 /// robot = "cube.urdf"               # beside this one, or a built-in robot's name
-/// scene = "ground"                  # where it was measured, by default this one
+/// scene = "ground"                  # where it was measured, by default this one, or `free` where the robot has none
 /// only = [0, 2, 3]                  # trajectories to read; without it all
 /// folds = [[0, 3], [2]]             # those that are judged together, by what was fitted to the others; each in one of them
 /// trajectory = "toss"               # column whose value names the trajectory; without it all rows are one
@@ -41,8 +41,7 @@ pub struct LogSpec {
     /// Table beside this file, or a folder of them.
     pub file: String,
     pub(super) robot: String,
-    #[serde(default = "ground")]
-    pub(super) scene: String,
+    pub(super) scene: Option<String>,
     pub(super) only: Option<Vec<u64>>,
     #[serde(default)]
     pub(super) folds: Vec<Vec<u64>>,
@@ -67,10 +66,6 @@ pub struct Published {
     pub position: f64,
     /// Mean angle of the root (rad).
     pub rotation: f64,
-}
-
-fn ground() -> String {
-    "ground".into()
 }
 
 /// Units, as factors to metres, radians and seconds; velocities are in those of length or angle over seconds.

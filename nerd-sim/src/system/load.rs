@@ -7,7 +7,7 @@ use super::built_in::{BUILT_IN, CABLES, FAMILIES, FOREIGN};
 use super::derive::touch;
 use super::derive::{derived, floats, plain};
 use super::{build::name_columns, cable::CableSpec, model::Source, spec::mesh_points, validate::check};
-use crate::{files::read_text, internal::*, mjcf::Description};
+use crate::{files::read_text, internal::*, system::mjcf::Description};
 
 impl System {
     /// A built-in robot or cable by name, or by path the robot of a URDF or MJCF file or the cable of a TOML ([`crate::cable`]).
@@ -62,7 +62,14 @@ impl System {
         if let Some(own) = Spec::like_urdf(text).map_err(wrong)? {
             return Self::derived(name, file, path, own);
         }
-        let spec = Spec::read(text).map_err(wrong)?;
+        let whole = |e: String| {
+            if e.contains("missing field") {
+                format!("{e}; write `like = \"urdf\"` first, and what is left out comes from the robot's file")
+            } else {
+                e
+            }
+        };
+        let spec = Spec::read(text).map_err(|e| wrong(whole(e)))?;
         file.stands(spec.floating).map_err(refused)?;
         let mut read = UrdfRobot::read(&file.urdf, base(spec.floating)).map_err(refused)?;
         read.notes.extend(file.notes);

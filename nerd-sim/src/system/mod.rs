@@ -9,6 +9,7 @@ pub(crate) mod folds;
 mod identity;
 mod load;
 mod merge;
+pub(crate) mod mjcf;
 mod model;
 pub(crate) mod motors;
 mod spec;

@@ -8,7 +8,7 @@ use nerd_core::dynamics::TreeFactor;
 use super::plain::{between, listed, plain, rounded};
 use super::{base::settle, limits::pose, spread::enough, srdf::pose_of};
 use crate::system::spec::{ControlSpec, JointSpec, RandomGains, RandomPlane, RootSpec, RootStart, StartSpec};
-use crate::{internal::*, mjcf::Description, scene::foot};
+use crate::{internal::*, scene::foot, system::mjcf::Description};
 
 /// Share of the robot's extent by which its weight presses its contacts in, borne by four of them; by one, if its base is fixed.
 const GIVE: f64 = 1e-3;

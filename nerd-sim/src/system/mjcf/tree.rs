@@ -8,8 +8,7 @@ use mjcf_rs::{Model, body};
 
 use super::drives::{Follower, Motor, followers, motors};
 use super::inertia::{isometry, of, placed, shape};
-use super::text::Source;
-use super::write::{escape, numbers};
+use super::text::{Source, escape, numbers};
 use crate::internal::*;
 
 /// A link's name, and its origin in its body's frame.

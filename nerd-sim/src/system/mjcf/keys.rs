@@ -3,7 +3,7 @@
 use mjcf_rs::body::{self, Geom, GeomType};
 use toml::{Table, Value};
 
-use super::read::Description;
+use super::description::Description;
 use super::tree::{Tree, angles, touches};
 use super::{drives::Motor, inertia::isometry};
 use crate::{internal::*, scene::up};

@@ -4,7 +4,10 @@
 //! Limits are our spring and damper (see `limit`); contacts are MuJoCo's own, soft constraints with its default
 //! settings, with the friction of the pair. What it would need a mesh for is refused.
 
+pub use crate::system::mjcf::is_mjcf;
+
 use crate::internal::*;
+use crate::system::mjcf::{escape, numbers};
 
 /// Why a system cannot be written for MuJoCo; one line.
 #[derive(Debug, thiserror::Error)]
@@ -199,12 +202,4 @@ fn inertial(link: &Link) -> String {
 fn pose(pose: &Isometry3<f64>) -> String {
     let q = pose.rotation.quaternion();
     format!("pos=\"{}\" quat=\"{}\"", numbers(pose.translation.vector.as_slice()), numbers(&[q.w, q.i, q.j, q.k]))
-}
-
-pub(super) fn numbers(x: &[f64]) -> String {
-    x.iter().map(f64::to_string).collect::<Vec<_>>().join(" ")
-}
-
-pub(super) fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
 }

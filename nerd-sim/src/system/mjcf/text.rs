@@ -178,3 +178,11 @@ fn nested(text: &str) -> usize {
     }
     most
 }
+
+pub(crate) fn numbers(x: &[f64]) -> String {
+    x.iter().map(f64::to_string).collect::<Vec<_>>().join(" ")
+}
+
+pub(crate) fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
+}
