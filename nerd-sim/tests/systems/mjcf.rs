@@ -35,7 +35,7 @@ fn what_is_written_is_read_again() {
     let cable = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/cables/lead.toml");
     for name in ["cartpole", "pendulum", "cube", "franka", "ant", "anymal", cable] {
         let system = System::named(name).expect("built in");
-        let text = mjcf(&system, &*system.scene("free").expect("a scene"), &[]).expect("written");
+        let text = mjcf(&system, &system.scene("free").expect("a scene"), &[]).expect("written");
         let again = read(&text);
         let joints =
             |system: &System| system.robot.joints().map(|j| (j.name.clone(), j.limit.map(|l| [l.lower, l.upper]))).collect::<Vec<_>>();

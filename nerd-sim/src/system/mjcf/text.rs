@@ -128,7 +128,7 @@ impl Source {
             let classes = classes(&node).map_err(|class| self.refused(kind, name, format!("there is no default class `{class}`")))?;
             let inherited = |key: &str| {
                 let own = |class: &Node| {
-                    class.children().filter(|n| n.has_tag_name(kind)).filter_map(|n| n.attribute(key).map(String::from)).last()
+                    class.children().filter(|n| n.has_tag_name(kind)).filter_map(|n| n.attribute(key).map(String::from)).next_back()
                 };
                 classes.iter().find_map(own)
             };
