@@ -70,8 +70,7 @@ impl Measured {
     /// The same for a model: held out is what its card says; of a log that it did not learn what [`Measured::read`] holds out.
     pub fn of(path: &Path, model: &Model) -> Result<Self> {
         let log = Log::read(path, None)?;
-        let said = model.config.provenance.get("held out").map_or("", String::as_str);
-        let mut ids: Vec<u64> = said.split(", ").filter_map(|id| id.parse().ok()).collect();
+        let mut ids = Self::named(&model.config);
         ids.retain(|id| log.trajectories.iter().any(|t| t.id == *id));
         let found = Self::parted(path, log, &ids);
         if found.sha256 == model.config.data_sha256 {
@@ -80,6 +79,12 @@ impl Measured {
         // What it did not learn of this, what stands beside it does: it is judged where neither did.
         tell!("{}: the model learned other data (`{}`)", path.display(), model.config.truth);
         Ok(Self::parted(path, Log { notes: Vec::new(), ..found.log }, &[]))
+    }
+
+    /// The trajectories whose names a model's card has as held out.
+    pub fn named(config: &ModelConfig) -> Vec<u64> {
+        let said = config.provenance.get("held out").map_or("", String::as_str);
+        said.split(", ").filter_map(|id| id.parse().ok()).collect()
     }
 
     fn parted(path: &Path, log: Log, held_out: &[u64]) -> Self {

@@ -13,9 +13,17 @@ pub fn root() -> PathBuf {
     }
 }
 
-/// A path without the workspace's own, as artefacts have it.
+/// A path without the workspace's own, as artefacts have it; of one elsewhere the last two parts, since other machines have other folders.
+///
+/// ```
+/// assert_eq!(nerd_train::shipped::from_root("/somewhere/else/ant/model".as_ref()), "ant/model");
+/// ```
 pub fn from_root(path: &Path) -> String {
-    path.strip_prefix(root()).unwrap_or(path).display().to_string()
+    let elsewhere = || {
+        let skipped = if path.is_absolute() { path.components().count().saturating_sub(2).max(1) } else { 0 };
+        path.components().skip(skipped).collect()
+    };
+    path.strip_prefix(root()).map_or_else(|_| elsewhere(), Path::to_path_buf).display().to_string()
 }
 
 /// Folder of the models that come with the project.

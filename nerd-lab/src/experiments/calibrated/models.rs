@@ -40,8 +40,7 @@ impl<'a> Judged<'a> {
         let config = ModelConfig::read(folder)?;
         let own = if config.robot == log.system.name { log.system.clone() } else { System::named(&config.robot)? };
         own.alike(&log.system).map_err(|e| anyhow::anyhow!("{}: of another robot than the log: {e}", folder.display()))?;
-        let said = config.provenance.get("held out").map_or("", String::as_str);
-        let held_out = config.truth.starts_with(RECORDED).then(|| said.split(", ").filter_map(|id| id.parse().ok()).collect());
+        let held_out = config.truth.starts_with(RECORDED).then(|| nerd_train::measured::Measured::named(&config));
         Ok(Self { folder, model: Model::load(folder, &own, None)?, own, held_out })
     }
 
