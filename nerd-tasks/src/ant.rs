@@ -40,7 +40,7 @@ impl Formulas for Ant {
         About { name, robot: "ant", scene: "ground", observation, action: 8, steps: 500, frames: 1 }
     }
 
-    fn goal(&self) -> &'static [[f64; 2]] {
+    fn goal(&self) -> &[[f64; 2]] {
         if *self == Self::Point { &POINTS } else { &[] }
     }
 

@@ -166,6 +166,7 @@ impl Episodes {
             self.act(actions);
             self.frame(&mut failed)?;
         }
+        self.done(actions);
         let d = self.simulation.batch.system.robot.state_dim();
         let states = self.simulation.batch.states.par_chunks_exact(d).with_min_len(CHUNK);
         failed.par_iter_mut().zip(states).for_each(|(failed, state)| *failed |= state.iter().any(|x| x.abs() > FAR));
@@ -302,6 +303,15 @@ impl Episodes {
     /// Whether where an environment is ends its episode.
     pub(crate) fn over(&mut self, env: usize) -> bool {
         self.task.terminated(view(&self.simulation.batch, &self.goals, self.task.goal_dim(), env), &mut self.works[env / CHUNK])
+    }
+
+    /// After a step's frames.
+    pub(crate) fn done(&mut self, actions: &[f64]) {
+        let (task, width) = (&*self.task, self.task.action_dim());
+        if task.memory() > 0 {
+            let goals = self.goals.chunks_exact_mut(task.goal_dim()).zip(actions.chunks_exact(width));
+            goals.for_each(|(goal, action)| task.remember(goal, action));
+        }
     }
 
     /// Torques of every environment.

@@ -41,7 +41,7 @@ impl Formulas for FrankaReach {
         About { name, robot: "franka", scene: "free", observation: JOINTS + 6, action: JOINTS, steps: 128, frames }
     }
 
-    fn goal(&self) -> &'static [[f64; 2]] {
+    fn goal(&self) -> &[[f64; 2]] {
         &TARGETS
     }
 

@@ -79,6 +79,21 @@ pub trait Task: Send + Sync {
         0
     }
 
+    /// Numbers at a goal's end that are the last action and the one before it, zeros at first: none, or two of each. Whoever steps a task
+    /// writes them by [`Task::remember`].
+    fn memory(&self) -> usize {
+        0
+    }
+
+    /// After a step: its action, clamped, becomes the last one.
+    fn remember(&self, goal: &mut [f64], action: &[f64]) {
+        if self.memory() > 0 {
+            let kept = goal.len() - self.memory()..;
+            goal[kept.clone()].copy_within(..action.len(), action.len());
+            goal[kept].iter_mut().zip(action).for_each(|(kept, a)| *kept = a.clamp(-1.0, 1.0));
+        }
+    }
+
     /// Draws an episode's goal.
     fn draw_goal(&self, _rng: &mut ChaCha8Rng, _out: &mut [f64]) {}
 

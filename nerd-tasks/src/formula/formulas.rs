@@ -9,8 +9,13 @@ pub trait Formulas: Send + Sync {
     fn about(&self) -> About;
 
     /// Ranges of the numbers of an episode's goal, `[low, high)`, drawn in this order before the start.
-    fn goal(&self) -> &'static [[f64; 2]] {
+    fn goal(&self) -> &[[f64; 2]] {
         &[]
+    }
+
+    /// Whether the last two actions are numbers of the goal, behind those that are drawn: see [`crate::Task::memory`].
+    fn remembers(&self) -> bool {
+        false
     }
 
     /// Writes the observation.

@@ -21,7 +21,7 @@ BIG void restart(const World& w, int env) {
     Draws d = draws(w.key, (w.first + env) << 32 | w.begun[env]);
     w.begun[env]++;
     double* goal = w.goals + (long long)env * GOALS;
-    for (int k = 0; k < GOALS; k++) goal[k] = between(d, ASKED + 2 * k);
+    for (int k = 0; k < GOALS; k++) goal[k] = k < GOALS - MEMORY ? between(d, ASKED + 2 * k) : 0;
     double state[STATE];
     for (int k = 0; k < STATE; k++) state[k] = 0;
     start(d, state);
@@ -49,18 +49,29 @@ FN Seen seen(const World& w, int env, Work& work, bool asks) {
 // Where a frame is kept, if it is: state and goal before it, torques in it.
 struct Past { double *states, *torques, *goals; };
 
-// Torques of a frame.
-FN void act(const World& w, int env, const float* actions, bool later, Past past) {
-    if (later) counted(w, env);
+// After a step: its action becomes the last one, behind what was drawn of the goal.
+FN void remember(double* goal, const float* action) {
+    double* kept = goal + GOALS - MEMORY;
+    for (int k = 0; k < MEMORY / 2; k++) {
+        kept[MEMORY / 2 + k] = kept[k];
+        kept[k] = fmin(fmax((double)action[k], -1.0), 1.0);
+    }
+}
+
+// Torques of a frame of a step.
+FN void act(const World& w, int env, const float* actions, int frame, Past past) {
+    if (frame) counted(w, env);
     Work work;
     const Seen s = seen(w, env, work, ACT_ASKS);
     double action[ACTIONS + 1], *tau = w.torques + (long long)env * NJ;
     for (int k = 0; k < ACTIONS; k++) action[k] = actions[(long long)env * ACTIONS + k];
     task_act(s, action, tau);
-    if (!past.states) return;
-    for (int k = 0; k < STATE; k++) past.states[(long long)env * STATE + k] = s.state[k];
-    for (int k = 0; k < NJ; k++) past.torques[(long long)env * NJ + k] = tau[k];
-    for (int k = 0; k < GOALS && past.goals; k++) past.goals[(long long)env * GOALS + k] = s.goal[k];
+    if (past.states) {
+        for (int k = 0; k < STATE; k++) past.states[(long long)env * STATE + k] = s.state[k];
+        for (int k = 0; k < NJ; k++) past.torques[(long long)env * NJ + k] = tau[k];
+        for (int k = 0; k < GOALS && past.goals; k++) past.goals[(long long)env * GOALS + k] = s.goal[k];
+    }
+    if (frame == STEP_FRAMES - 1) remember(w.goals + (long long)env * GOALS, actions + (long long)env * ACTIONS);
 }
 
 // Rows as a policy sees them: the newest observation, its difference from the one before, that one's, and so on (stack.rs).
@@ -114,10 +125,10 @@ FN void judge(const World& w, int env, const double* row, double* next, double* 
 }
 
 #ifdef __CUDACC_RTC__
-extern "C" __global__ void task_act(const World* world, const float* actions, int later, double* past_states, double* past_torques,
+extern "C" __global__ void task_act(const World* world, const float* actions, int frame, double* past_states, double* past_torques,
                                     double* past_goals) {
     const int env = blockIdx.x * blockDim.x + threadIdx.x;
-    if (env < world->n) act(*world, env, actions, later, {past_states, past_torques, past_goals});
+    if (env < world->n) act(*world, env, actions, frame, {past_states, past_torques, past_goals});
 }
 extern "C" __global__ void task_judge(const World* world, const double* rows, double* next, double* cut, unsigned* cuts, int depth, double* rewards,
                                       unsigned char* ends, double* reached) {

@@ -15,10 +15,15 @@ impl<F: Formulas> Task for F {
     }
 
     fn goal_dim(&self) -> usize {
-        self.goal().len()
+        self.goal().len() + self.memory()
+    }
+
+    fn memory(&self) -> usize {
+        if self.remembers() { 2 * Formulas::about(self).action } else { 0 }
     }
 
     fn draw_goal(&self, rng: &mut ChaCha8Rng, out: &mut [f64]) {
+        out[self.goal().len()..].fill(0.0);
         out.iter_mut().zip(self.goal()).for_each(|(x, [low, high])| *x = low + (high - low) * rng.random::<f64>());
     }
 
@@ -62,9 +67,9 @@ impl<F: Formulas> Task for F {
 /// What of the robot's starts has no kernel; a formula that speaks of what there is not.
 fn program(task: &impl Formulas, system: &System, colliders: usize, slopes: bool) -> Result<String, String> {
     let (about, mut text) = (Formulas::about(task), episode(system, colliders)?);
-    let sizes =
-        [("SEEN", about.observation), ("ACTIONS", about.action), ("GOALS", task.goal().len()), ("STEP_FRAMES", about.frames as usize)];
-    for (name, n) in sizes {
+    let goals = [("GOALS", task.goal_dim()), ("MEMORY", task.memory())];
+    let sizes = [("SEEN", about.observation), ("ACTIONS", about.action), ("STEP_FRAMES", about.frames as usize)];
+    for (name, n) in sizes.into_iter().chain(goals) {
         let _ = writeln!(text, "#define {name} {n}");
     }
     let _ = writeln!(text, "#define LENGTH {}ull", about.steps * about.frames);

@@ -61,7 +61,12 @@ FN void arrive_back(const World& w, const Steps& b, int t, int env) {
     zeros(by_torques, NJ);
     const double *state = b.reached + i * STATE, by = -b.scale * b.shares[i];
     if (!(state[0] == state[0])) return;
-    const Seen s = was(w, b, frame - 1, env, work, state, REWARD_ASKS || (OBSERVE_ASKS && b.asked[i] >= 0));
+    Seen s = was(w, b, frame - 1, env, work, state, REWARD_ASKS || (OBSERVE_ASKS && b.asked[i] >= 0));
+    // As it is once the step is over.
+    double goal[GOALS + 1];
+    for (int k = 0; k < GOALS; k++) goal[k] = s.goal[k];
+    remember(goal, b.drawn + i * ACTIONS);
+    s.goal = goal;
     task_reward_back(s, b.torques + ((frame - 1) * w.n + env) * NJ, &by, slope, by_torques);
     if (b.asked[i] >= 0) seen_back(b, s, b.rows + (long long)b.asked[i] * SEEN, b.by_rows + (long long)b.asked[i] * SEEN, slope);
 }

@@ -7,6 +7,7 @@ use nerd_sim::system::System;
 use super::sweep::{Ends, sweep};
 use super::tape::{Given, Leaf, Node, Tape, Traced};
 use super::{Formulas, number::Function, sight::Recorded};
+use crate::Task;
 
 impl std::fmt::Display for Given {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -140,7 +141,7 @@ fn back(tape: &Tape, said: &[Traced]) -> String {
 /// # Errors
 /// Where a formula speaks of a number, a link or a point that there is not.
 pub fn written(task: &impl Formulas, system: &System, slopes: bool) -> Result<String, String> {
-    let (about, goals, joints) = (Formulas::about(task), task.goal().len(), system.robot.joint_count());
+    let (about, goals, joints) = (Formulas::about(task), Task::goal_dim(task), system.robot.joint_count());
     let mut functions = String::new();
     let mut function = |name: &str, (given, to, backward): (&str, &str, Option<&str>), say: &dyn Fn(&mut Recorded) -> Vec<Given>| {
         let tape = Tape::default();

@@ -112,6 +112,7 @@ impl Ilqr {
                 torques.push(episodes.act(&actions).to_vec());
                 episodes.frame(&mut failed)?;
             }
+            episodes.done(&actions);
             for (env, cost) in costs.iter_mut().enumerate() {
                 let squares: f64 = episodes.residuals(env).iter().map(|r| r * r).sum();
                 let effort: f64 = actions[env * width..][..width].iter().map(|u| self.config.effort * u * u).sum();

@@ -20,7 +20,7 @@ int main() {
     const World w = {states, goals, torques, scene, of, faults, 0, failed, frames, begun, {key[0], key[1], key[2], key[3]}, key[4], counts, n};
     for (int f = 0; f < STEP_FRAMES; f++)
         for (int env = 0; env < n; env++) {
-            act(w, env, actions, f > 0, {});
+            act(w, env, actions, f, {});
             faults[env] = planted[env];
         }
     for (int env = 0; env < n; env++) {

@@ -80,6 +80,7 @@ fn on_cpu(task: &dyn nerd_tasks::Task, scene: &Scene, work: &mut Work, trace: &T
         let mut slope = vec![0.0; wide];
         for t in (0..HORIZON).rev() {
             let (i, last) = (at(t), (t + 1) * frames - 1);
+            let drawn: Vec<f64> = x.drawn[i * a..][..a].iter().map(|a| f64::from(*a)).collect();
             if t + 1 == HORIZON || x.ends[i] > 0 {
                 slope.fill(0.0);
             } else {
@@ -88,12 +89,14 @@ fn on_cpu(task: &dyn nerd_tasks::Task, scene: &Scene, work: &mut Work, trace: &T
             let (mut tau, mut by_action, reached) = (vec![0.0; joints], vec![0.0; a], &trace.reached[i * d..][..d]);
             if !reached[0].is_nan() {
                 let torques = &trace.torques[at(last) * joints..][..joints];
-                slopes.reward_back(view(reached, last), torques, work, -SCALE * x.shares[i], &mut slope, &mut tau);
+                let mut goal = view(reached, last).goal.to_vec();
+                task.remember(&mut goal, &drawn);
+                let now = View { goal: &goal, ..view(reached, last) };
+                slopes.reward_back(now, torques, work, -SCALE * x.shares[i], &mut slope, &mut tau);
                 if let Ok(row) = usize::try_from(x.asked[i]) {
-                    slopes.observe_back(view(reached, last), work, &by(&x.rows[row * width..], &x.by_rows[row * width..]), &mut slope);
+                    slopes.observe_back(now, work, &by(&x.rows[row * width..], &x.by_rows[row * width..]), &mut slope);
                 }
             }
-            let action: Vec<f64> = x.drawn[i * a..][..a].iter().map(|a| f64::from(*a)).collect();
             for frame in (t * frames..=last).rev() {
                 let pushed = &x.pushed[at(frame) * joints..][..joints];
                 if reached[0].is_nan() {
@@ -101,12 +104,12 @@ fn on_cpu(task: &dyn nerd_tasks::Task, scene: &Scene, work: &mut Work, trace: &T
                 } else {
                     tau.iter_mut().zip(pushed).for_each(|(sum, g)| *sum += g);
                 }
-                slopes.act_back(seen(frame), &action, work, &tau, &mut slope, &mut by_action);
+                slopes.act_back(seen(frame), &drawn, work, &tau, &mut slope, &mut by_action);
                 tau.fill(0.0);
             }
-            for k in (0..a).filter(|k| action[*k].abs() <= 1.0 || by_action[*k] * action[*k] >= 0.0) {
+            for k in (0..a).filter(|k| drawn[*k].abs() <= 1.0 || by_action[*k] * drawn[*k] >= 0.0) {
                 by_mean[i * a + k] = by_action[k];
-                by_spread[i * a + k] = by_action[k] * (action[k] - f64::from(x.means[i * a + k]));
+                by_spread[i * a + k] = by_action[k] * (drawn[k] - f64::from(x.means[i * a + k]));
             }
         }
         by_first.extend(slope);

@@ -117,5 +117,8 @@ impl Act for Acting {
         task.act(view, action, &mut self.work, out);
         task.advance(goal);
         self.now.frame += 1;
+        if self.now.asked() {
+            self.now.task.remember(&mut self.now.goal, &self.now.action);
+        }
     }
 }

@@ -117,7 +117,7 @@ impl World {
     pub(super) fn step(&self, resident: &dyn Resident, t: usize, actions: u64, judge: &[Arg]) -> Result<(), DeviceError> {
         for frame in 0..self.step {
             let past = self.past.place(t * self.step + frame).map(Ptr);
-            self.launch("task_act", &[&[Ptr(actions), Int(usize::from(frame > 0))][..], &past].concat())?;
+            self.launch("task_act", &[&[Ptr(actions), Int(frame)][..], &past].concat())?;
             resident.frame()?;
         }
         let reached = self.reached.as_ref().map_or(0, |reached| reached.at(t * self.states.len()));

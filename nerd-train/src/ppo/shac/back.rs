@@ -133,7 +133,10 @@ pub(super) fn back(steps: &Steps, episodes: &mut Episodes, policy: &Policy, valu
             if state[0].is_nan() {
                 return;
             }
-            let view = View { state, ..seen(last, env) };
+            // As it is once the step is over.
+            let mut goal = seen(last, env).goal.to_vec();
+            task.remember(&mut goal, &numbers(&steps.drawn[(t * n + env) * a..][..a]));
+            let view = View { state, goal: &goal, ..seen(last, env) };
             let torques = &trace.torques[(last * n + env) * joints..][..joints];
             slopes.reward_back(view, torques, work, -scale * shares[t * n + env], slope, by_torques);
             if let Ok(i) = asked.binary_search(&env) {
@@ -145,8 +148,7 @@ pub(super) fn back(steps: &Steps, episodes: &mut Episodes, policy: &Policy, valu
             let found = way.back(&trace.states[k * n * d..][..n * d], &trace.torques[k * n * joints..][..n * joints], &mut behind)?;
             by_torques.iter_mut().zip(found).for_each(|(sum, g)| *sum += g);
             each((&mut behind, &mut by_torques, &mut by_action), &|env, Env { slope, by_torques, by_action }, work| {
-                let action: Vec<f64> = drawn[env * a..][..a].iter().map(|x| f64::from(*x)).collect();
-                slopes.act_back(seen(k, env), &action, work, by_torques, slope, by_action);
+                slopes.act_back(seen(k, env), &numbers(&drawn[env * a..][..a]), work, by_torques, slope, by_action);
                 by_torques.fill(0.0);
             });
         }
@@ -173,6 +175,10 @@ pub(super) fn back(steps: &Steps, episodes: &mut Episodes, policy: &Policy, valu
         by_actions[(t * n + env) * a..][..a].fill(0.0);
     }
     Ok(Found { by_actions, earned, without })
+}
+
+fn numbers(x: &[f32]) -> Vec<f64> {
+    x.iter().map(|x| f64::from(*x)).collect()
 }
 
 /// What each step's reward counts, `[step][env]`: less from step to step, all of it again where an episode begins.
