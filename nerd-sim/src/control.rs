@@ -23,6 +23,14 @@ impl Controller {
         Self { system: system.clone(), gains, ahead: ahead.then(|| Ahead::new(system)), wraps, gaps: Vec::new() }
     }
 
+    /// From here on that of another robot of the same family.
+    pub fn turn_to(&mut self, system: &Arc<System>) {
+        if !Arc::ptr_eq(&self.system, system) {
+            self.system = system.clone();
+            self.gains.iter_mut().zip(system.joint_specs()).for_each(|(gains, joint)| *gains = [joint.kp, joint.kd]);
+        }
+    }
+
     /// Torques for an action at a state `[q, qd]`, one a joint (N m or N).
     ///
     /// Without `[control]`: `gain clamp(a)`. With it: `kp (target - q) - kd qd`, where the target is the default pose, or

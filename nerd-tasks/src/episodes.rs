@@ -319,6 +319,7 @@ impl Episodes {
         let (task, batch, goals) = (&*self.task, &self.simulation.batch, &*self.goals);
         let (width, joints) = (task.action_dim(), batch.system.robot.joint_count());
         rows(&mut self.torques, joints, &mut self.works, |env, torques, work| {
+            work.controller.turn_to(batch.of(env));
             task.act(view(batch, goals, task.goal_dim(), env), &actions[env * width..(env + 1) * width], work, torques);
         });
         &self.torques

@@ -1,6 +1,6 @@
 //! The trait of tasks: observation, action, reward and end of an episode, in Gymnasium's terms.
 
-use nerd_sim::{prelude::*, sampling::hurry};
+use nerd_sim::{articulated::device::Reach, prelude::*, sampling::hurry};
 use rand_chacha::ChaCha8Rng;
 
 /// Times that a fast start is slowed down by half, at most.
@@ -130,11 +130,11 @@ pub trait Task: Send + Sync {
         None
     }
 
-    /// The task as kernels for a graphics card ([`crate::formula`]), in scenes of so many colliders, with functions for its slopes or without.
+    /// The task as kernels for a graphics card ([`crate::formula`]), for a batch of this reach, with functions for its slopes or without.
     ///
     /// # Errors
     /// If there are none, as for a task without [`crate::formula::Formulas`].
-    fn kernels(&self, _system: &System, _colliders: usize, _slopes: bool) -> Result<String, String> {
+    fn kernels(&self, _system: &System, _reach: Reach, _slopes: bool) -> Result<String, String> {
         Err(format!("task `{}` is not written in formulas (nerd_tasks::formula), so it stays on the CPU", self.name()))
     }
 

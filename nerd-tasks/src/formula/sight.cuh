@@ -3,7 +3,7 @@
 // What constants that are no finite numbers are divided by.
 FN double zero() { return 0; }
 
-struct Seen { const double *state, *goal; Work* work; };
+struct Seen { const double *state, *goal, *scene; Work* work; };
 
 // In the world.
 FN double place(const Seen& s, int link, double x, double y, double z, int k) {

@@ -41,8 +41,8 @@ FN void counted(const World& w, int env) {
 
 // An environment for formulas that ask, or not, for links and distances.
 FN Seen seen(const World& w, int env, Work& work, bool asks) {
-    const Seen s = {w.states + (long long)env * STATE, w.goals + (long long)env * GOALS, &work};
-    if (asks) settle(work, s.state, w.scenes + (long long)w.scene_of[env] * SCENE);
+    const Seen s = {w.states + (long long)env * STATE, w.goals + (long long)env * GOALS, w.scenes + (long long)w.scene_of[env] * SCENE, &work};
+    if (asks) settle(work, s.state, s.scene);
     return s;
 }
 

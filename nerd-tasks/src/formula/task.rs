@@ -2,7 +2,8 @@
 
 use std::fmt::Write;
 
-use nerd_sim::{articulated::device::episode, system::System};
+use nerd_sim::articulated::device::{Reach, episode};
+use nerd_sim::system::System;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
@@ -55,18 +56,18 @@ impl<F: Formulas> Task for F {
         Some(self)
     }
 
-    fn kernels(&self, system: &System, colliders: usize, slopes: bool) -> Result<String, String> {
-        program(self, system, colliders, slopes)
+    fn kernels(&self, system: &System, reach: Reach, slopes: bool) -> Result<String, String> {
+        program(self, system, reach, slopes)
     }
 }
 
-/// What surrounds a solver in an episode, for scenes of at most so many colliders: the kernels `task_act` and `task_judge`, and with `slopes`
+/// What surrounds a solver in an episode, for scenes and robots of this reach: the kernels `task_act` and `task_judge`, and with `slopes`
 /// `task_arrive_back` and `task_acted_back` of the way back through steps. The text is plain C++, too, so that a test runs it where there is no card.
 ///
 /// # Errors
 /// What of the robot's starts has no kernel; a formula that speaks of what there is not.
-fn program(task: &impl Formulas, system: &System, colliders: usize, slopes: bool) -> Result<String, String> {
-    let (about, mut text) = (Formulas::about(task), episode(system, colliders)?);
+fn program(task: &impl Formulas, system: &System, reach: Reach, slopes: bool) -> Result<String, String> {
+    let (about, mut text) = (Formulas::about(task), episode(system, reach)?);
     let goals = [("GOALS", task.goal_dim()), ("MEMORY", task.memory())];
     let sizes = [("SEEN", about.observation), ("ACTIONS", about.action), ("STEP_FRAMES", about.frames as usize)];
     for (name, n) in sizes.into_iter().chain(goals) {

@@ -27,8 +27,8 @@ struct Steps {
 
 // An environment as it was before a frame.
 FN Seen was(const World& w, const Steps& b, long long frame, int env, Work& work, const double* state, bool asks) {
-    const Seen s = {state, b.goals + (frame * w.n + env) * GOALS, &work};
-    if (asks) settle(work, state, w.scenes + (long long)w.scene_of[env] * SCENE);
+    const Seen s = {state, b.goals + (frame * w.n + env) * GOALS, w.scenes + (long long)w.scene_of[env] * SCENE, &work};
+    if (asks) settle(work, state, s.scene);
     return s;
 }
 

@@ -69,7 +69,7 @@ impl Tape {
                             let list = list(call);
                             let _ = writeln!(
                                 text,
-                                "    const double a{call}[] = {{{list}}}; double t{call}[NJ + 1]; controlled(s.state, a{call}, t{call});"
+                                "    const double a{call}[] = {{{list}}}; double t{call}[NJ + 1]; controlled(s.state, s.scene, a{call}, t{call});"
                             );
                         }
                         format!("t{call}[{i}]")
@@ -80,7 +80,7 @@ impl Tape {
                             let _ = writeln!(
                                 text,
                                 "    const double d{call}[] = {{{list}}}; double b{call}[NJ + 1]; \
-                                 controlled_back(s.state, a{call}, d{call}, b{call}, by_state);"
+                                 controlled_back(s.state, s.scene, a{call}, d{call}, b{call}, by_state);"
                             );
                         }
                         format!("b{call}[{i}]")

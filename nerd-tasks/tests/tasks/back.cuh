@@ -9,7 +9,7 @@ int main() {
     const double *by_reward = take_in<double>(n), *scene = take_in<double>(SCENE);
     for (int i = 0; i < n; i++) {
         Work work;
-        const Seen s = {states + i * STATE, goals + i * GOALS, &work};
+        const Seen s = {states + i * STATE, goals + i * GOALS, scene, &work};
         settle(work, s.state, scene);
         double out[6 * NV + ACTIONS + NJ] = {};
         task_observe_back(s, by_seen + i * SEEN, out);

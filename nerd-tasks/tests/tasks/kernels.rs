@@ -1,5 +1,6 @@
 //! The kernels of tasks against the tasks themselves, without a device: their text is compiled as C++ and run on the CPU.
 
+use nerd_sim::articulated::device::Reach;
 use nerd_sim::{prelude::*, solver::Fault};
 use nerd_tasks::formula::{Formulas, Number, Sight, written};
 use nerd_tasks::{About, Episodes, StepResult, named, names};
@@ -108,8 +109,8 @@ fn every_task_of_formulas_is_the_same_in_kernels() {
     for name in names() {
         let task = named(name).expect("a task");
         let system = System::named(task.robot()).expect("a robot");
-        let colliders = system.scene(task.scene()).expect("a scene").colliders.len();
-        let text = match task.kernels(&system, colliders, true) {
+        let batch = Batch::new(&system, &system.scene(task.scene()).expect("a scene"), 1);
+        let text = match task.kernels(&system, Reach::of(&batch), true) {
             Ok(text) => text,
             Err(why) => {
                 assert_eq!(name, "lead-tip", "{why}");

@@ -1,7 +1,7 @@
 //! Slopes of every task that is written in formulas: on the CPU against central differences, in kernels against the CPU.
 
 use nerd_core::tangent::moved;
-use nerd_sim::prelude::*;
+use nerd_sim::{articulated::device::Reach, prelude::*};
 use nerd_tasks::formula::{Formulas, Number, Sight};
 use nerd_tasks::{About, Task, View, Work, named, names};
 
@@ -131,8 +131,8 @@ fn slopes_of_every_task_are_those_of_differences_and_of_kernels() {
         count += 1;
 
         let Some(compiler) = &compiler else { continue };
-        let text =
-            task.kernels(&system, scene.colliders.len(), true).expect("kernels") + include_str!("given.cuh") + include_str!("back.cuh");
+        let reach = Reach { colliders: scene.colliders.len(), ..Reach::default() };
+        let text = task.kernels(&system, reach, true).expect("kernels") + include_str!("given.cuh") + include_str!("back.cuh");
         let column = |of: &dyn Fn(&Place) -> &Vec<f64>| places.iter().flat_map(|at| of(at).clone()).collect::<Vec<f64>>();
         let columns = [
             column(&|at| &at.state),

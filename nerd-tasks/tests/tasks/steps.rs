@@ -1,7 +1,7 @@
 //! The kernels of the way back through a policy's steps against the task's slopes, without a device: their text is compiled as C++ and run on
 //! the CPU.
 
-use nerd_sim::prelude::*;
+use nerd_sim::{articulated::device::Reach, prelude::*};
 use nerd_tasks::{Trace, View, Work, named, names};
 
 use crate::cpp::Compiler;
@@ -132,8 +132,8 @@ fn steps_are_gone_back_over_in_kernels_as_on_the_cpu() {
         let (x, scene) = (given(width, a, joints, frames), played.simulation.batch.scenes[0].clone());
         let (mut by_first, mut by_mean, mut by_spread) = on_cpu(&*task, &scene, &mut Work::new(&system), &trace, &x);
 
-        let text =
-            task.kernels(&system, scene.colliders.len(), true).expect("kernels") + include_str!("given.cuh") + include_str!("steps.cuh");
+        let reach = Reach { colliders: scene.colliders.len(), ..Reach::default() };
+        let text = task.kernels(&system, reach, true).expect("kernels") + include_str!("given.cuh") + include_str!("steps.cuh");
         let numbers = recorded(&played.simulation.batch);
         let input =
             [&trace.states, &trace.goals, &trace.torques, &trace.reached, &x.seen, &x.rows, &x.mean, &x.inverse, &x.shares, &x.pushed];

@@ -1,17 +1,26 @@
 // The solver by itself: a loop over environments, and over frames.
 
 // `frames` frames in a row of `n` environments, under torques held or one set a frame. Where one fails, the environment stands still, and
-// `done` frames went well.
+// `done` frames went well. A family's motors remember torques `asked` for.
 extern "C" __global__ void advance(double* states, const double* torques, const double* scenes, const int* scene_of, const double* drives,
-                                   double* forces, int* faults, int* done, int n, int frames, int held) {
+                                   double* forces, int* faults, int* done, int n, int frames, int held
+#if RIGGED
+                                   , double* asked, unsigned* known
+#endif
+) {
     const int env = blockIdx.x * blockDim.x + threadIdx.x;
     if (env >= n) return;
     double* state = states + (long long)env * (NQ + NV);
     int fault = 0, f = 0;
     for (; f < frames; f++) {
         const double* tau = torques + ((long long)(held ? 0 : f) * n + env) * NJ;
-        fault = frame(state, tau, scenes + (long long)scene_of[env] * SCENE, drives + (long long)env * 5 * DRIVES,
-                      forces ? forces + (long long)env * 3 * NP : 0);
+        const double *scene = scenes + (long long)scene_of[env] * SCENE, *own = drives + (long long)env * 5 * DRIVES;
+        double* press = forces ? forces + (long long)env * 3 * NP : 0;
+#if RIGGED
+        fault = rigged(state, tau, scene, own, press, asked + (long long)env * LATEST * NJ, known + env);
+#else
+        fault = frame(state, tau, scene, own, press);
+#endif
         if (fault) break;
     }
     faults[env] = fault;

@@ -30,11 +30,11 @@ FN void times(const double* a, const double* x, double* y) {
 // The links' own inertias about the origin.
 BIG void inertias(const Tree& t, Along& f) {
     for (int i = 0; i < NL; i++) {
-        const real *q = t.rotation[i].m, *b = BODY + 9 * i;
-        const double m = MASS[i], p[3] = {t.position[i].x, t.position[i].y, t.position[i].z};
+        const real *q = t.rotation[i].m, *b = BODY(t) + 9 * i;
+        const double m = MASS(t)[i], p[3] = {t.position[i].x, t.position[i].y, t.position[i].z};
         double half[9], c[3], *own = f.inertia[i];
         for (int r = 0; r < 3; r++) {
-            c[r] = p[r] + (double)q[3 * r] * COM[3 * i] + (double)q[3 * r + 1] * COM[3 * i + 1] + (double)q[3 * r + 2] * COM[3 * i + 2];
+            c[r] = p[r] + (double)q[3 * r] * COM(t)[3 * i] + (double)q[3 * r + 1] * COM(t)[3 * i + 1] + (double)q[3 * r + 2] * COM(t)[3 * i + 2];
             for (int k = 0; k < 3; k++)
                 half[3 * r + k] = (double)q[3 * r] * b[k] + (double)q[3 * r + 1] * b[3 + k] + (double)q[3 * r + 2] * b[6 + k];
         }
@@ -63,7 +63,7 @@ BIG bool factorise(Tree& t, Along& f, const double* joints) {
         stack(t.axis[i], s);
         const double* own = f.inertia[i];
         times(own, s, gain);
-        const double pivot = dot6(s, gain) + ARMATURE[i] + (joints ? joints[DOF[i] - DOFS] : 0);
+        const double pivot = dot6(s, gain) + ARMATURE(t)[i] + (joints ? joints[DOF[i] - DOFS] : 0);
         if (!(pivot > 1e-14 * f.size[i] * dot6(s, s))) { t.lost = DOF[i]; return false; }
         const double inverse = f.inverse[i] = 1 / pivot;
         for (int k = 0; k < 6; k++) f.gain[i][k] = gain[k];

@@ -76,6 +76,7 @@ BIG int frame_back(const double* state, const double* tau, const double* scene, 
                    double* by_state, double* by_tau) {
     Work w;
     Back b;
+    know(w.tree, scene);
     take(w.tree, state);
     int fault = moved(w, state, tau, scene, drives, 0, Keeper{b});
     if (!fault) fault = give(w.tree, next);

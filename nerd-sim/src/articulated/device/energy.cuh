@@ -11,12 +11,12 @@ BIG Energy energy(Work& w, const double* scene) {
     Energy e = {0, 0};
     onward<0, NL>([&](auto i) {
         M3 body;
-        for (int k = 0; k < 9; k++) body.m[k] = BODY[9 * i + k];
+        for (int k = 0; k < 9; k++) body.m[k] = BODY(t)[9 * i + k];
         const M3 r = t.rotation[i];
-        const V3 c = t.position[i] + r * read3(COM + 3 * i), v = at(t.velocity[i], c), spin = back(r, t.velocity[i].ang);
-        e.lively += 0.5 * (MASS[i] * dot(v, v) + dot(spin, body * spin));
-        if (!DOFS || i > 0) e.lively += 0.5 * ARMATURE[i] * t.qd[DOF[i]] * t.qd[DOF[i]];
-        e.high -= MASS[i] * (w.gravity.x * (stands(w, 0) + c.x) + w.gravity.y * (stands(w, 1) + c.y) + w.gravity.z * (stands(w, 2) + c.z));
+        const V3 c = t.position[i] + r * read3(COM(t) + 3 * i), v = at(t.velocity[i], c), spin = back(r, t.velocity[i].ang);
+        e.lively += 0.5 * (MASS(t)[i] * dot(v, v) + dot(spin, body * spin));
+        if (!DOFS || i > 0) e.lively += 0.5 * ARMATURE(t)[i] * t.qd[DOF[i]] * t.qd[DOF[i]];
+        e.high -= MASS(t)[i] * (w.gravity.x * (stands(w, 0) + c.x) + w.gravity.y * (stands(w, 1) + c.y) + w.gravity.z * (stands(w, 2) + c.z));
     });
     for (int point = 0; point < NP; point++)
         for (int c = 0; c < w.surfaces; c++) {

@@ -95,27 +95,28 @@ BIG void start(Draws& d, double* state) {
 }
 
 // The matrix of a position law a frame ahead, without contact, factorised; false at a state that has none.
-BIG bool stiffened(const double* state, Tree& t) {
+BIG bool stiffened(const double* state, const double* scene, Tree& t) {
+    know(t, scene);
     take(t, state);
     t.shift = v3(0, 0, 0);
     kinematics(t);
     crba(t);
-    for (int i = 0; i < NJ; i++) t.mass[LOWER(DOFS + i, DOFS + i)] += FRAME * (KD[i] + FRAME * KP[i]);
+    for (int i = 0; i < NJ; i++) t.mass[LOWER(DOFS + i, DOFS + i)] += FRAME * (KD(scene)[i] + FRAME * KP(scene)[i]);
     return refill(t);
 }
 
 // How far joints are from their targets, and how fast, now or, if that is looked at and found, a frame ahead.
-BIG bool gaps(const double* state, const double* action, double* gap, double* speed, Tree& t) {
+BIG bool gaps(const double* state, const double* scene, const double* action, double* gap, double* speed, Tree& t) {
     for (int i = 0; i < NJ; i++) {
         const double q = state[COORDS + i], d = (RELATIVE ? q : REST[i]) + ACTION_SCALE * action[i] - q;
         gap[i] = WRAPS[i] && !RELATIVE ? wrapped(d) : d;
         speed[i] = state[NQ + DOFS + i];
     }
-    if (!AHEAD || !stiffened(state, t)) return false;
+    if (!AHEAD || !stiffened(state, scene, t)) return false;
     double qdd[NV];
-    bias(t, t.qd, read3(GRAVITY), 0);
+    bias(t, t.qd, read3(scene), 0);
     for (int k = 0; k < NV; k++) qdd[k] = -t.tau[k];
-    for (int i = 0; i < NJ; i++) qdd[DOFS + i] += KP[i] * (gap[i] - FRAME * speed[i]) - KD[i] * speed[i];
+    for (int i = 0; i < NJ; i++) qdd[DOFS + i] += KP(scene)[i] * (gap[i] - FRAME * speed[i]) - KD(scene)[i] * speed[i];
     solve(t, qdd);
     for (int i = 0; i < NJ; i++) {
         gap[i] -= FRAME * (speed[i] + FRAME * qdd[DOFS + i]);
@@ -125,40 +126,40 @@ BIG bool gaps(const double* state, const double* action, double* gap, double* sp
 }
 
 // Torques of an action within +-1.
-BIG void controlled(const double* state, const double* action, double* tau) {
+BIG void controlled(const double* state, const double* scene, const double* action, double* tau) {
     if (!CONTROLLED) {
         for (int i = 0; i < NJ; i++) tau[i] = GAIN[i] * action[i];
         return;
     }
     double gap[NJ + 1], speed[NJ + 1];
     Tree tree;
-    gaps(state, action, gap, speed, tree);
+    gaps(state, scene, action, gap, speed, tree);
     for (int i = 0; i < NJ; i++) {
-        const double t = KP[i] * gap[i] - KD[i] * speed[i];
+        const double t = KP(scene)[i] * gap[i] - KD(scene)[i] * speed[i];
         tau[i] = CLAMPED ? (t < -GAIN[i] ? -GAIN[i] : t > GAIN[i] ? GAIN[i] : t) : t;
     }
 }
 
 // Gradients by an action from those by its torques; what comes to the state's numbers is added to them.
-BIG void controlled_back(const double* state, const double* action, const double* by, double* by_action, double* by_state) {
+BIG void controlled_back(const double* state, const double* scene, const double* action, const double* by, double* by_action, double* by_state) {
     if (!CONTROLLED) {
         for (int i = 0; i < NJ; i++) by_action[i] = GAIN[i] * by[i];
         return;
     }
     double gap[NJ + 1], speed[NJ + 1], push[NV];
     Tree tree;
-    const bool ahead = gaps(state, action, gap, speed, tree);
+    const bool ahead = gaps(state, scene, action, gap, speed, tree);
     for (int i = 0; i < NJ; i++) {
-        const double t = KP[i] * gap[i] - KD[i] * speed[i], g = !CLAMPED || fabs(t) <= GAIN[i] ? by[i] : 0;
-        gap[i] = KP[i] * g;
-        speed[i] = -KD[i] * g;
+        const double t = KP(scene)[i] * gap[i] - KD(scene)[i] * speed[i], g = !CLAMPED || fabs(t) <= GAIN[i] ? by[i] : 0;
+        gap[i] = KP(scene)[i] * g;
+        speed[i] = -KD(scene)[i] * g;
     }
     if (ahead) {
         for (int k = 0; k < NV; k++) push[k] = k < DOFS ? 0 : FRAME * speed[k - DOFS] - FRAME * FRAME * gap[k - DOFS];
         solve(tree, push);
         for (int i = 0; i < NJ; i++) {
-            speed[i] -= FRAME * gap[i] + (KD[i] + FRAME * KP[i]) * push[DOFS + i];
-            gap[i] += KP[i] * push[DOFS + i];
+            speed[i] -= FRAME * gap[i] + (KD(scene)[i] + FRAME * KP(scene)[i]) * push[DOFS + i];
+            gap[i] += KP(scene)[i] * push[DOFS + i];
         }
     }
     for (int i = 0; i < NJ; i++) {

@@ -1,5 +1,6 @@
 //! Starts and the robot's own controller, as kernels for episodes on a device.
 
+use super::own::Own;
 use super::program::{Reach, Real, functions, number, record};
 use crate::prelude::*;
 use crate::system::start::{DRAWS, Start, least_clearance};
@@ -7,11 +8,12 @@ use crate::system::start::{DRAWS, Start, least_clearance};
 /// The random numbers of ChaCha8, as `rand` makes them of it: `chacha8` and `unit`.
 pub const RANDOM: &str = include_str!("random.cuh");
 
-/// Functions in 64 bits for scenes of so many colliders: those of the solver, `start` (of resets) and `controlled`.
+/// Functions in 64 bits for a batch's scenes and robots: those of the solver, `start` (of resets) and `controlled`.
 ///
 /// # Errors
 /// In the scene that starts keep clear of, a shape without a kernel or more colliders than that.
-pub fn episode(system: &System, colliders: usize) -> Result<String, String> {
+pub fn episode(system: &System, reach: Reach) -> Result<String, String> {
+    let (colliders, reach) = (reach.colliders, Reach { driven: false, ..reach });
     let config = ArticulatedConfig::implicit(1, Friction::Coulomb);
     let clear = least_clearance(system, Start::Reset);
     let apart = match (&clear, &system.spec.data_scene) {
@@ -21,8 +23,7 @@ pub fn episode(system: &System, colliders: usize) -> Result<String, String> {
     if let Some(scene) = apart.as_ref().filter(|scene| scene.colliders.len() > colliders) {
         return Err(format!("starts stand clear of scene `{}`, which has more colliders than the {colliders} of this one", scene.name));
     }
-    let reach = Reach { colliders, ..Reach::default() };
-    let record = apart.map(|scene| record(&scene, system, &config, reach)).transpose()?;
+    let record = apart.map(|scene| record(&scene, system, &config, Reach { own: Own::default(), ..reach })).transpose()?;
     let mut text = functions(system, &config, Real::F64, reach);
     let control = system.spec.control.as_ref();
     text.define([("MOST_DRAWS", DRAWS)]);
@@ -40,14 +41,12 @@ pub fn episode(system: &System, colliders: usize) -> Result<String, String> {
     numbers("SPEEDS", law.map_or(Vec::new(), |l| l.linear.iter().flat_map(ends).collect()));
     numbers("TILTS", law.map_or(Vec::new(), |l| ends(&l.tilt).to_vec()));
     numbers("APART_FROM", record.unwrap_or_default());
-    numbers("GRAVITY", system.gravity().as_slice().to_vec());
     let specs = &system.spec.joints;
     numbers("STARTS_Q", specs.iter().flat_map(|s| ends(&s.reset.q)).collect());
     numbers("STARTS_QD", specs.iter().flat_map(|s| ends(&s.reset.qd)).collect());
-    numbers("KP", system.joint_specs().map(|j| j.kp).collect());
-    numbers("KD", system.joint_specs().map(|j| j.kd).collect());
     numbers("GAIN", system.joint_specs().map(|j| j.gain.unwrap_or(j.torque)).collect());
     numbers("REST", system.joint_specs().map(|j| j.default).collect());
+    reach.own.write(&mut text, system, false);
     let other = |i: usize| specs[i].reset.minus.as_ref().and_then(|name| specs[..i].iter().position(|s| &s.name == name));
     text.table("int", "MINUS", (0..specs.len()).map(|i| other(i).map_or(-1.0, |k| k as f64)));
     Ok(text.0 + RANDOM + include_str!("episode.cuh"))

@@ -45,11 +45,11 @@ BIG real radius(const Tree& t, Explicit& e, const Acting* joints, int n) {
 
 // Whether dampers are too stiff for a substep; looked at once a frame.
 BIG bool dampers(const Tree& t, Explicit& e, real h) {
-    if (e.looked || h * DAMPED <= MOST_EULER) return false;
+    if (e.looked || h * DAMPED(t)[0] <= MOST_EULER) return false;
     e.looked = true;
     int n = 0;
     for (int i = 0; i < NJ; i++)
-        if (DAMPING[i] > 0) { e.others[n].joint = i; e.others[n++].s = 2 * h * DAMPING[i]; }
+        if (DAMPING(t)[i] > 0) { e.others[n].joint = i; e.others[n++].s = 2 * h * DAMPING(t)[i]; }
     return radius(t, e, e.others, n) > MOST_EULER;
 }
 
@@ -57,7 +57,7 @@ BIG bool dampers(const Tree& t, Explicit& e, real h) {
 BIG bool limits(const Tree& t, Explicit& e, int n, real h, real bound) {
     if (!n) return false;
     real sum = 0;
-    for (int k = 0; k < n; k++) sum += e.acting[k].s / LEAST[e.acting[k].joint];
+    for (int k = 0; k < n; k++) sum += e.acting[k].s / LEAST(t)[e.acting[k].joint];
     if (e.soft == 1 || sum <= bound) return false;
     real trace = 0;
     for (int k = 0; k < n; k++) {
@@ -97,7 +97,7 @@ BIG int accelerate(Work& w, Explicit& e, const double* tau, bool renew, bool tou
         const real end = LIMITED[i] ? most(l[0], least(l[1], x)) : x;
         const real force = end == x ? 0 : l[2] * (end - x) - l[3] * v;
         if (force != 0) { e.acting[n].joint = i; e.acting[n++].s = stiffness(i, h); }
-        w.qdd[DOFS + i] += (real)tau[i] + force - DAMPING[i] * v;
+        w.qdd[DOFS + i] += (real)tau[i] + force - DAMPING(t)[i] * v;
     }
     if (limits(t, e, n, h, bound)) return STIFF;
     solve(t, w.qdd);
@@ -120,7 +120,7 @@ BIG int touch(Work& w, Explicit& e, real h, double* forces, int substeps) {
         if (!moving) velocities(t, t.qd);
         moving = true;
         const real* m = w.surface[0].material;
-        if (h * m[2] * EASE[point] > MOST_DRAG) return STIFF;
+        if (h * m[2] * EASE(t)[point] > MOST_DRAG) return STIFF;
         const V3 x = facing(t, point, n, true) - n * RADIUS[point], v = at(t.velocity[link], x);
         const real vn = dot(n, v), normal = -(m[0] * gap + m[1] * least(vn, 0));
         const V3 slip = v - n * vn;

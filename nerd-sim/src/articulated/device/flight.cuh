@@ -65,7 +65,7 @@ BIG void rate_back(Work& w, Back& b, const double* rate, const double* by, doubl
         const real own = b.own[DOFS + i], x = (real)t.q[COORDS + i], *l = LIMIT + 4 * i;
         const bool beyond = LIMITED[i] && (x < l[0] || x > l[1]);
         b.torque[i] += own;
-        b.speed[DOFS + i] -= (DAMPING[i] + (beyond ? l[3] : 0)) * own;
+        b.speed[DOFS + i] -= (DAMPING(t)[i] + (beyond ? l[3] : 0)) * own;
         if (beyond) b.pose[DOFS + i] -= l[2] * own;
     }
     to_numbers(b, t.q + 3, out);

@@ -37,9 +37,9 @@ BIG void fold(Work& w, real whole, real h) {
         const Motion twist = t.velocity[a] + t.velocity[b] * (real)-1;
         const real way = (real)0.5 * h * (norm(at(twist, one)) + norm(twist.ang) * reach);
         if (norm(one - other) > reach + way) continue;
-        const real ease = whole * FOLD_EASE[p], bound = FOLLOWED / ease;
-        const real stiffness = least(FOLD_MATERIAL[0], STIFFEST / ease / whole), damping = least(FOLD_MATERIAL[1], bound);
-        const real friction_damping = least(FOLD_MATERIAL[2], bound);
+        const real ease = whole * FOLD_EASE(t)[p], bound = FOLLOWED / ease;
+        const real stiffness = least(FOLD_MATERIAL(t)[0], STIFFEST / ease / whole), damping = least(FOLD_MATERIAL(t)[1], bound);
+        const real friction_damping = least(FOLD_MATERIAL(t)[2], bound);
         Wrench sum = wrench(v3(0, 0, 0), v3(0, 0, 0));
         for (int k = FOLD_OWN[2 * a]; k < FOLD_OWN[2 * a + 1]; k++) {
             const Capsule mine = placed(t, a, k);
@@ -52,7 +52,7 @@ BIG void fold(Work& w, real whole, real h) {
                 if (!inside(gap, (real)0.5 * h * vn, part)) continue;
                 const real normal = -(part * stiffness * gap + part * damping * least(vn, 0));
                 const V3 slip = v - n * vn;
-                const V3 f = n * normal - slip * drag(normal, norm(slip), part * friction_damping, FOLD_MATERIAL[3]);
+                const V3 f = n * normal - slip * drag(normal, norm(slip), part * friction_damping, FOLD_MATERIAL(t)[3]);
                 sum = sum + wrench(cross(x, f), f);
             }
         }

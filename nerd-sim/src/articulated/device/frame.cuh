@@ -75,7 +75,7 @@ BIG int refine(Work& w, const double* state, const double* tau, const double* sc
     }
     for (int k = 0; k < NQ; k++) t.q[k] = q[k];
     for (int k = 0; k < NV; k++) t.qd[k] = qd[k];
-    for (int i = 0; i < NL; i++) mass += MASS[i];
+    for (int i = 0; i < NL; i++) mass += MASS(t)[i];
     const double fallen = 0.5 * mass * FRAME * FRAME * dot(w.gravity, w.gravity);
     const double gain = after.lively - before.lively + (after.high - before.high) - work;
     const double lively = before.lively > after.lively ? before.lively : after.lively;
@@ -107,6 +107,7 @@ static_assert(sizeof(Work) + sizeof(Explicit) < 500000, "the robot is too large 
 // Advances `state`; 0, or why not.
 BIG int frame(double* state, const double* tau, const double* scene, const double* drives, double* forces) {
     Work w;
+    know(w.tree, scene);
     take(w.tree, state);
     int done = moved(w, state, tau, scene, drives, forces, Nobody());
     if (!done) done = give(w.tree, state);

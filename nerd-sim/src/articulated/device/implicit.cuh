@@ -10,8 +10,8 @@ FN bool plain(Work& w) { return ALONG ? spread(w.tree, w.along) : refill(w.tree)
 BIG bool damp(Work& w, real h) {
     bool factored = false;
     for (int i = 0; i < NJ; i++) {
-        w.braked[i] = DAMPING[i]; w.damper[i] = (real)0.5; w.spring[i] = EVEN;
-        if (h * most(DAMPING[i], h * SPRING[i]) <= LEAST[i]) continue;
+        w.braked[i] = DAMPING(w.tree)[i]; w.damper[i] = (real)0.5; w.spring[i] = EVEN;
+        if (h * most(DAMPING(w.tree)[i], h * SPRING[i]) <= LEAST(w.tree)[i]) continue;
         if (!factored && !plain(w)) return false;
         factored = true;
         real ease;
@@ -24,7 +24,7 @@ BIG bool damp(Work& w, real h) {
             ease = w.right[DOFS + i];
         }
         const real soft = h * h * SPRING[i] * ease;
-        w.braked[i] = most(DAMPING[i], h * SPRING[i] * least(soft, CALM));
+        w.braked[i] = most(DAMPING(w.tree)[i], h * SPRING[i] * least(soft, CALM));
         const real z = h * w.braked[i] * ease;
         w.damper[i] = z > 1 ? -1 / expm1(-z) - 1 / z : (real)0.5;
         w.spring[i] = foresight(soft);

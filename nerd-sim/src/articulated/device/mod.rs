@@ -4,6 +4,7 @@ mod back;
 mod episode;
 #[cfg(feature = "cuda")]
 mod motion;
+mod own;
 mod program;
 #[cfg(feature = "cuda")]
 mod roll;
@@ -20,6 +21,7 @@ pub use back::{back_program, goes_back};
 pub use episode::{RANDOM, episode};
 #[cfg(feature = "cuda")]
 pub use motion::{BLOCK, Motion};
+pub use own::Own;
 pub use program::{Reach, Real, Text, fault, functions, number, packed, program, record, surfaces};
 #[cfg(feature = "cuda")]
 pub use roll::{OnDevice, Roll};

@@ -9,11 +9,13 @@ use nerd_core::dynamics::Factor;
 use super::super::energy::{FALL, FINEST, LABOUR, SHARE, WHIRL, WHIRL_RK4};
 use super::super::implicit::{CALM, HALVINGS};
 use super::super::kick::{LOST as FAR_OFF, OFF, PASSES, SETTLED};
-use super::super::stiff::{Bounds, MOST, MOST_DRAG, MOST_RK4, POWERS};
+use super::super::stiff::{MOST, MOST_DRAG, MOST_RK4, POWERS};
 use super::super::touch::{CREEP, EVEN};
 use super::super::{along, fold::FOLLOWED};
+use super::own::Own;
 use crate::prelude::*;
 use crate::system::capsules::{BARREL, Capsule};
+use crate::system::motors::{LATEST, WAVES};
 
 const KERNELS: [&str; 13] = [
     include_str!("linear.cuh"),
@@ -30,7 +32,7 @@ const KERNELS: [&str; 13] = [
     include_str!("energy.cuh"),
     include_str!("frame.cuh"),
 ];
-const ALONE: &str = include_str!("alone.cuh");
+const ALONE: [&str; 2] = [include_str!("rig.cuh"), include_str!("alone.cuh")];
 
 /// Numbers of a collider in a scene's record.
 const COLLIDER: usize = 20;
@@ -57,13 +59,15 @@ pub struct Reach {
     pub colliders: usize,
     /// Whether there are drives.
     pub driven: bool,
+    /// What each robot has of its own.
+    pub own: Own,
 }
 
 impl Reach {
     /// What a batch asks for.
     pub fn of(batch: &Batch) -> Self {
         let colliders = batch.scenes.iter().map(|s| s.colliders.len()).max().unwrap_or(0);
-        Self { colliders, driven: !batch.drives.is_empty() }
+        Self { colliders, driven: !batch.drives.is_empty(), own: Own::of(batch) }
     }
 }
 
@@ -98,12 +102,17 @@ pub fn surfaces(colliders: usize) -> Text {
 
 /// The text for one robot: the kernel `advance`.
 pub fn program(system: &System, config: &ArticulatedConfig, real: Real, reach: Reach) -> String {
-    functions(system, config, real, reach).0 + ALONE
+    let mut text = functions(system, config, real, reach);
+    if reach.own.rigged() {
+        text.define([("LATEST", LATEST), ("WAVES", WAVES)]);
+        reach.own.write(&mut text, system, false);
+    }
+    text.0 + &ALONE.concat()
 }
 
 /// The same without a kernel: what one is made of.
 pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach: Reach) -> Text {
-    let (robot, bounds, mut text) = (&system.robot, Bounds::new(system), Text::default());
+    let (robot, mut text) = (&system.robot, Text::default());
     let implicit = config.contact_step == ContactStep::Implicit;
     text.define([("REAL", if real == Real::F64 { "double" } else { "float" })]);
     text.define([
@@ -115,7 +124,7 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
         ("COORDS", robot.root_coords()),
         ("NP", robot.contact_points.len()),
         ("NC", reach.colliders),
-        ("PRESSED", robot.joints().map(|j| usize::from(j.friction > 0.0) + 2 * usize::from(j.limit.is_some())).sum()),
+        ("PRESSED", robot.joints().map(|j| usize::from(j.friction > 0.0 || reach.own.dry()) + 2 * usize::from(j.limit.is_some())).sum()),
         ("SUBSTEPS", config.substeps),
         ("CONTACT_SUBSTEPS", config.contact_substeps),
         ("HALVINGS", HALVINGS),
@@ -130,26 +139,27 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
         ("IMPLICIT", implicit),
         ("RENEW", config.refresh == Refresh::Substep),
         ("HUBER", config.friction == Friction::Huber),
-        ("HELD", system.held()),
+        ("HELD", reach.own.held(system)),
         ("ALONG", deep(system)),
         ("WATCHED", implicit && system.stand_ins.is_empty() && system.folds.is_empty()),
         ("DRIVEN", reach.driven),
+        ("RIGGED", reach.own.rigged()),
         ("LOCI", robot.contact_points.iter().any(|p| p.locus != Locus::Fixed)),
     ];
     text.define(flags.map(|(name, on)| (name, i32::from(on))));
     let constants = [("SETTLED", SETTLED), ("CREEP", CREEP), ("MOST_EULER", MOST), ("MOST_RK4", MOST_RK4), ("MOST_DRAG", MOST_DRAG)];
     let more = [("CALM", CALM), ("OFF", OFF), ("FAR_OFF", FAR_OFF), ("STIFFEST", FOLLOWED[0]), ("FOLLOWED", FOLLOWED[1])];
     let energy = [("EVEN", EVEN), ("SHARE", SHARE), ("LABOUR", LABOUR), ("FALL", FALL), ("WHIRL", WHIRL), ("WHIRL_RK4", WHIRL_RK4)];
-    let own = [("BARREL", BARREL), ("DAMPED", bounds.damped)];
-    let reals = constants.into_iter().chain(more).chain(energy).chain(own);
+    let reals = constants.into_iter().chain(more).chain(energy).chain([("BARREL", BARREL)]);
     text.define(reals.map(|(name, x)| (name, format!("((real){})", number(x)))));
     text.define([("LOST", LOST), ("GONE", GONE)]);
     text.define([("FRAME", format!("{:e}", system.frame_time))]);
     text.0 += KERNELS[0];
     links(&mut text, system);
-    joints(&mut text, robot, &bounds);
+    joints(&mut text, robot);
     points(&mut text, robot);
-    folds(&mut text, system, &bounds);
+    folds(&mut text, system);
+    reach.own.write(&mut text, system, true);
     text.0 += &KERNELS[1..].concat();
     text
 }
@@ -183,13 +193,9 @@ fn links(text: &mut Text, system: &System) {
     let rows = |m: &Matrix3<f64>| m.transpose().as_slice().to_vec();
     reals("RATIO", &|i| vec![joint(i).map_or(1.0, |j| j.ratio())]);
     reals("OFFSET", &|i| vec![joint(i).and_then(|j| j.mimic()).map_or(0.0, |m| m.offset)]);
-    reals("ARMATURE", &|i| vec![joint(i).map_or(0.0, |j| j.ratio().powi(2) * j.armature)]);
     reals("PLACE", &|i| joint(i).map_or(vec![0.0; 3], |j| j.origin().translation.vector.as_slice().to_vec()));
     reals("AXIS", &|i| joint(i).map_or(vec![0.0; 3], |j| j.axis().as_slice().to_vec()));
     reals("TURN", &|i| joint(i).map_or(vec![0.0; 27], |j| j.turn().iter().flat_map(rows).collect()));
-    reals("MASS", &|i| vec![robot.links[i].inertia.mass]);
-    reals("COM", &|i| robot.links[i].inertia.com.as_slice().to_vec());
-    reals("BODY", &|i| rows(&robot.links[i].inertia.inertia));
     let (turned, place) = match robot.base {
         Base::Fixed(pose) => (rows(&pose.rotation.to_rotation_matrix().into_inner()), pose.translation.vector),
         Base::Floating => (vec![0.0; 9], Vector3::zeros()),
@@ -198,19 +204,15 @@ fn links(text: &mut Text, system: &System) {
     text.table("double", "STAND", place.iter().copied());
 }
 
-fn joints(text: &mut Text, robot: &Robot, bounds: &Bounds) {
+fn joints(text: &mut Text, robot: &Robot) {
     let mut reals = |name: &str, f: fn(&Joint) -> f64| text.table("real", name, robot.joints().map(f));
-    reals("DAMPING", |j| j.damping);
     reals("SPRING", |j| j.stiffness);
     reals("SLACK", |j| j.rest);
-    reals("DRY", |j| j.friction);
     reals("TOP", |j| j.velocity);
     let limit = |j: &Joint| j.limit.map_or([0.0; 4], |l| [l.lower, l.upper, l.stiffness, l.damping]);
     text.table("real", "LIMIT", robot.joints().flat_map(limit));
     text.table("int", "LIMITED", robot.joints().map(|j| f64::from(j.limit.is_some())));
     text.table("int", "WRAPS", robot.joints().map(|j| f64::from(j.wraps())));
-    text.table("real", "LEAST", bounds.least.iter().copied());
-    text.table("real", "EASE", bounds.ease.iter().copied());
 }
 
 fn points(text: &mut Text, robot: &Robot) {
@@ -240,18 +242,17 @@ fn points(text: &mut Text, robot: &Robot) {
     text.table("real", "VERTEX", all);
 }
 
-fn folds(text: &mut Text, system: &System, bounds: &Bounds) {
-    let (folds, m) = (&system.folds, &system.spec.material);
+fn folds(text: &mut Text, system: &System) {
+    let folds = &system.folds;
     text.table("int", "FOLD_LINKS", folds.pairs.iter().flatten().map(|link| *link as f64));
     text.table("int", "FOLD_OWN", folds.own.iter().flat_map(|own| [own.start as f64, own.end as f64]));
-    text.table("real", "FOLD_EASE", bounds.folds.iter().copied());
     text.table("real", "FOLD_BALL", folds.balls.iter().flat_map(|(c, reach)| [c.x, c.y, c.z, *reach]));
     let numbers = |c: &Capsule| [c.middle.as_slice(), c.half.as_slice(), &[c.radius]].concat();
     text.table("real", "CAPSULE", folds.capsules.iter().flat_map(numbers));
-    text.table("real", "FOLD_MATERIAL", [m.stiffness, m.damping, m.friction_damping, m.friction]);
 }
 
-/// A scene's record: gravity, then its colliders, each with its kind, geometry and the material that it makes with the robot.
+/// A scene's record: gravity, then its colliders, each with its kind, geometry and the material that it makes with the robot; and what that has of its
+/// own in a family. Scene and robot are those of an environment.
 ///
 /// # Errors
 /// A shape without a kernel; for explicit steps, anything but one plane.
@@ -291,6 +292,7 @@ pub fn record(scene: &Scene, system: &System, config: &ArticulatedConfig, reach:
         return Err(format!("scene `{}`: on a device explicit steps know one plane alone; take an implicit preset", scene.name));
     }
     numbers.resize(3 + COLLIDER * reach.colliders, 0.0);
+    numbers.extend(reach.own.numbers(system)?);
     Ok(numbers)
 }
 

@@ -15,8 +15,7 @@ pub(super) fn take(
     reach: Reach,
     (torques, columns): (&[f64], usize),
 ) -> Result<(), StepError> {
-    let same = held.scenes.len() == batch.len() && held.scenes.iter().zip(&batch.scenes).all(|(a, b)| Arc::ptr_eq(a, b));
-    if !same {
+    if !(same(&held.scenes, &batch.scenes) && same(&held.systems, &batch.systems)) {
         know(held, device, batch, config, reach)?;
     }
     if held.torques.len < torques.len() {
@@ -28,15 +27,23 @@ pub(super) fn take(
     device.write(&held.drives, &packed(&batch.drives)).map_err(failed)
 }
 
-/// Takes over the batch's scenes.
+fn same<T>(known: &[Arc<T>], now: &[Arc<T>]) -> bool {
+    known.len() == now.len() && known.iter().zip(now).all(|(a, b)| Arc::ptr_eq(a, b))
+}
+
+/// Takes over the batch's scenes and what robots in them have of their own.
 fn know(held: &mut Held, device: &Device, batch: &Batch, config: &ArticulatedConfig, reach: Reach) -> Result<(), StepError> {
     held.scenes.clear();
     let (mut records, mut of, mut last): (Vec<f64>, Vec<i32>, Option<&Arc<Scene>>) = (Vec::new(), Vec::new(), None);
     let mut count = 0;
-    for scene in &batch.scenes {
+    for (env, scene) in batch.scenes.iter().enumerate() {
+        let own = batch.of(env);
+        if own.spec.vary != batch.system.spec.vary || own.spec.vary.is_none() && !batch.systems.is_empty() {
+            return Err(StepError::Refused("on a device a batch's [vary] tells how its robots differ: draw them by it".into()));
+        }
         // Environments mostly share one.
-        if !last.is_some_and(|known| Arc::ptr_eq(known, scene)) {
-            records.extend(record(scene, &batch.system, config, reach).map_err(StepError::Refused)?);
+        if !batch.systems.is_empty() || !last.is_some_and(|known| Arc::ptr_eq(known, scene)) {
+            records.extend(record(scene, own, config, reach).map_err(StepError::Refused)?);
             (last, count) = (Some(scene), count + 1);
         }
         of.push(count - 1);
@@ -44,5 +51,6 @@ fn know(held: &mut Held, device: &Device, batch: &Batch, config: &ArticulatedCon
     held.records = device.upload(&records).map_err(failed)?;
     device.write(&held.scene_of, &of).map_err(failed)?;
     held.scenes.clone_from(&batch.scenes);
+    held.systems.clone_from(&batch.systems);
     Ok(())
 }

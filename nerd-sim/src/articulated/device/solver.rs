@@ -1,7 +1,7 @@
 //! The articulated solver on a GPU.
 
 use nerd_cuda::Arg::{Int, Ptr};
-use nerd_cuda::{Device, DeviceError};
+use nerd_cuda::{Buffer, Device, DeviceError};
 
 use super::back::{back_program, goes_back};
 use super::motion::{BLOCK, Motion};
@@ -9,11 +9,12 @@ use super::program::{Reach, Real, program};
 use super::roll::OnDevice;
 use crate::prelude::*;
 use crate::solver::device::{Back, Held, Trail, failed};
+use crate::system::motors::LATEST;
 
 /// [`super::super::Articulated`] on a GPU, one thread an environment: the same frame, the same settings, any robot.
 ///
-/// It refuses what it has no kernel for: scenes with other shapes than planes, boxes and pegs, for explicit steps with more than one plane,
-/// robots that differ by environment.
+/// It refuses what it has no kernel for: scenes with other shapes than planes, boxes and pegs, for explicit steps with more than one plane. Of
+/// robots that differ by environment (a family, [`crate::vary`]) it steps motors and sensors, too, as [`crate::rig::Rig`] does on the CPU.
 pub type CudaArticulated = OnDevice<Whole>;
 
 /// A frame as one kernel, which loops over frames.
@@ -25,18 +26,29 @@ pub struct Whole {
     reach: Reach,
     /// Whether its way back has been made.
     returns: bool,
+    /// Of a family with motors of its own.
+    rig: Option<Rig>,
+}
+
+/// What motors remember.
+struct Rig {
+    /// Torques asked for in the last frames, the newest first, `[env][LATEST][joint]`; and how many frames those of an environment are.
+    asked: Buffer<f64>,
+    known: Buffer<u32>,
+    /// By environment, the frame that would follow.
+    next: Vec<u64>,
 }
 
 impl CudaArticulated {
     /// A solver with these settings; the device is opened at its first step.
     pub fn new(config: ArticulatedConfig, real: Real) -> Self {
-        Self::by(Whole { config, real, device: None, reach: Reach::default(), returns: false })
+        Self::by(Whole { config, real, device: None, reach: Reach::default(), returns: false, rig: None })
     }
 }
 
 impl Motion for Whole {
     fn capabilities(&self) -> Capabilities {
-        Capabilities { drives: true, forces: true, systems: false }
+        Capabilities { drives: true, forces: true, systems: true }
     }
 
     fn check(&self, _: &Batch) -> Result<(), StepError> {
@@ -48,9 +60,15 @@ impl Motion for Whole {
     }
 
     fn open(&mut self, batch: &Batch, reach: Reach) -> Result<(), StepError> {
-        (self.device, self.reach, self.returns) = (None, reach, false);
+        (self.device, self.reach, self.returns, self.rig) = (None, reach, false, None);
         let text = program(&batch.system, &self.config, self.real, reach);
-        self.device = Some(Device::open(nerd_cuda::ordinal(), &text, &["advance"]).map_err(failed)?);
+        let device = Device::open(nerd_cuda::ordinal(), &text, &["advance"]).map_err(failed)?;
+        if reach.own.rigged() {
+            let (n, joints) = (batch.len(), batch.system.robot.joint_count());
+            let (asked, known) = (device.zeros(n * LATEST as usize * joints), device.zeros(n));
+            self.rig = Some(Rig { asked: asked.map_err(failed)?, known: known.map_err(failed)?, next: vec![u64::MAX; n] });
+        }
+        self.device = Some(device);
         Ok(())
     }
 
@@ -58,11 +76,42 @@ impl Motion for Whole {
         self.device.as_ref()
     }
 
-    fn advance(&mut self, held: &Held, _: &[u64], frames: usize, hold: bool) -> Result<(), DeviceError> {
-        self.launch(held, frames, hold)
+    fn advance(&mut self, held: &Held, first: &[u64], frames: usize, hold: bool) -> Result<(), DeviceError> {
+        self.follow(first)?;
+        self.launch(held, frames, hold)?;
+        let Some((device, rig)) = self.device.as_ref().zip(self.rig.as_mut()) else { return Ok(()) };
+        let (went, faults) = (device.download(&held.done)?, device.download(&held.faults)?);
+        let next = first.iter().zip(went).zip(faults);
+        rig.next = next.map(|((first, went), fault)| if fault == 0 { first + u64::from(went) } else { u64::MAX }).collect();
+        Ok(())
+    }
+
+    fn follow(&mut self, first: &[u64]) -> Result<(), DeviceError> {
+        let Some((device, rig)) = self.device.as_ref().zip(self.rig.as_mut()) else { return Ok(()) };
+        let follows = first.iter().zip(&rig.next).map(|(frame, next)| u32::from(*frame > 0 && frame == next));
+        device.write(&rig.known, &follows.collect::<Vec<_>>())?;
+        rig.next.fill(u64::MAX);
+        Ok(())
+    }
+
+    fn memory(&self) -> u64 {
+        self.rig.as_ref().map_or(0, |rig| rig.known.ptr)
+    }
+
+    fn remembers(&self) -> bool {
+        self.rig.is_some()
+    }
+
+    fn reset(&mut self, env: usize) {
+        if let Some(next) = self.rig.as_mut().and_then(|rig| rig.next.get_mut(env)) {
+            *next = u64::MAX;
+        }
     }
 
     fn goes_back(&self, batch: &Batch) -> Result<(), StepError> {
+        if Reach::of(batch).own.rigged() {
+            return Err(StepError::Refused("a family's motors and sensors have no slopes: leave them out of [vary]".into()));
+        }
         goes_back(&self.config, batch)
     }
 
@@ -94,7 +143,10 @@ impl Whole {
         let Some(device) = &self.device else { return Ok(()) };
         let Held { states, torques, records, scene_of, drives, faults, done, n, .. } = held;
         let world = [states.ptr, torques.ptr, records.ptr, scene_of.ptr, drives.ptr, held.forces(), faults.ptr, done.ptr].map(Ptr);
-        let args = [&world[..], &[*n, frames, usize::from(hold)].map(Int)].concat();
+        let mut args = [&world[..], &[*n, frames, usize::from(hold)].map(Int)].concat();
+        if let Some(Rig { asked, known, .. }) = &self.rig {
+            args.extend([asked.ptr, known.ptr].map(Ptr));
+        }
         device.launch("advance", (n.div_ceil(BLOCK), 1), (BLOCK, 1), 0, &args)
     }
 }

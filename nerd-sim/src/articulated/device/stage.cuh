@@ -144,13 +144,13 @@ BIG void weights_back(Work& w, Back& b, int number, real h) {
         push_back(t, b, touch.link < 0 ? 0 : &touch, touch.index / (w.surfaces > 0 ? w.surfaces : 1), by);
     }
     for (int i = 0; number == 0 && i < NJ; i++) {
-        if (h * most(DAMPING[i], h * SPRING[i]) <= LEAST[i]) continue;
+        if (h * most(DAMPING(t)[i], h * SPRING[i]) <= LEAST(t)[i]) continue;
         factor();
         b.own[DOFS + i] = 1;
         solve(t, b.own);
         // Dampings and shares by w, as Damped::slopes.
         const real ease = b.own[DOFS + i], k = h * h * SPRING[i], braked = w.braked[i], z = h * braked * ease, e = expm1(-z);
-        const real by_braked = k * ease < CALM && braked > DAMPING[i] ? k * k / h : 0;
+        const real by_braked = k * ease < CALM && braked > DAMPING(t)[i] ? k * k / h : 0;
         const real slope = z > 1 ? 1 / (z * z) - (1 + e) / (e * e) : 0, by_spring = foresight(k * ease) > EVEN ? (real)0.5 / (ease * ease) : 0;
         const real by_share = slope * h * (braked + ease * by_braked) * h * braked + w.damper[i] * h * by_braked + by_spring;
         push_back(t, b, 0, 0, by_braked * b.braked[i] + by_share * b.share[i]);

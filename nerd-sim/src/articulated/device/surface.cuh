@@ -1,6 +1,7 @@
 // Surfaces of a scene's record, as scene.rs and parry have them: NC colliders at most.
 
 constexpr int COLLIDER = 20;   // numbers of one: kind, geometry, material
+constexpr int SHARED = 3 + COLLIDER * NC;   // of a record what robots share: gravity, colliders
 
 // As seen from some place: a plane n . x = offset (1), a box (2), or a cylinder about y, of which `half` has the radius and half the height (3).
 struct Surface { int kind; V3 normal; real offset; M3 turn; V3 place, half; real material[4]; };

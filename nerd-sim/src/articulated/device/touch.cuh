@@ -2,7 +2,7 @@
 // NP points (locus.cuh); NC colliders at most; per joint DAMPING, DRY, LIMIT (lower, upper, stiffness, damping),
 // TOP, SPRING and SLACK (stiffness, and where it pulls to).
 
-constexpr int SCENE = 3 + COLLIDER * NC;     // numbers of a scene: gravity, colliders
+constexpr int SCENE = SHARED + OWN;          // numbers of a scene's record
 constexpr int DRIVES = DRIVEN ? NJ : 0;
 constexpr int PAIRS = NP * NC;
 constexpr int MOST = PAIRS + PRESSED + DRIVES + 1;   // PRESSED: dry friction, both ends of a range
@@ -176,12 +176,12 @@ BIG bool find(Work& w, real h, const double* drives) {
     }
     const int points = NP * w.surfaces;
     onward<0, NJ>([&](auto i) {
-        if (!(DRY[i] > 0)) return;
+        if (!(DRY(tr)[i] > 0)) return;
         // Pressed with its friction at a coefficient of 1.
         Touch& t = next(w);
         t.index = points + NJ + i; t.link = -1; t.dof = DOFS + i; t.x = v3(0, 1, 0); t.normal = v3(1, 0, 0);
-        t.stiffness = 1; t.damping = 0; t.friction_damping = DRY[i] / CREEP; t.friction = 1;
-        t.gap = -DRY[i]; t.start = t.velocity = v3(0, tr.qd[DOFS + i], 0);
+        t.stiffness = 1; t.damping = 0; t.friction_damping = DRY(tr)[i] / CREEP; t.friction = 1;
+        t.gap = -DRY(tr)[i]; t.start = t.velocity = v3(0, tr.qd[DOFS + i], 0);
     });
     for (int i = 0; i < DRIVES; i++) {
         const double* d = drives + 5 * i;

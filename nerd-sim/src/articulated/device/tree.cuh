@@ -1,6 +1,7 @@
 // The tree: kinematics, mass matrix, bias and factor, as nerd_core::dynamics has them. Sizes and tables come from the host
 // (program.rs): NL links, NV velocities, NQ coordinates, NJ joints, DOFS and COORDS of the root, and per link PARENT (-1), DOF,
-// JOINT (index of its coordinate), SLIDES, RATIO and OFFSET of a joint that follows, PLACE, TURN, AXIS, MASS, COM, BODY, ARMATURE.
+// JOINT (index of its coordinate), SLIDES, RATIO and OFFSET of a joint that follows, PLACE, TURN, AXIS, MASS, COM, BODY, ARMATURE; of a
+// family's robots some of these are in the tree, and `MASS(t)` is whichever it is.
 
 #define LOWER(i, j) ((i) * ((i) + 1) / 2 + (j))
 constexpr int SIZE = NV * (NV + 1) / 2;
@@ -19,7 +20,17 @@ struct Tree {
     real mass[KEPT];
     real factor[KEPT];   // diagonal inverted
     int lost;
+#if OWNED
+    real own[OWNED];     // tables of which each robot of a family has its own (own.rs)
+#endif
 };
+
+// Whose tree it is: the numbers that follow a scene in its record.
+FN void know(Tree& t, const double* scene) {
+#if OWNED
+    for (int k = 0; k < OWNED; k++) t.own[k] = (real)scene[SHARED + k];
+#endif
+}
 
 FN V3 unit(int k) { return v3(k == 0, k == 1, k == 2); }
 FN Motion rootward(int k) { return k < 3 ? motion(unit(k), v3(0, 0, 0)) : motion(v3(0, 0, 0), unit(k - 3)); }
@@ -93,9 +104,9 @@ BIG void bias(Tree& t, const real* qd, V3 gravity, const Wrench* external) {
         t.velocity[i] = v;
         const M3 r = t.rotation[i];
         M3 body;
-        for (int k = 0; k < 9; k++) body.m[k] = BODY[9 * i + k];
-        const V3 c = t.position[i] + r * read3(COM + 3 * i);
-        const V3 f = (at(a, c) + cross(v.ang, at(v, c))) * MASS[i];
+        for (int k = 0; k < 9; k++) body.m[k] = BODY(t)[9 * i + k];
+        const V3 c = t.position[i] + r * read3(COM(t) + 3 * i);
+        const V3 f = (at(a, c) + cross(v.ang, at(v, c))) * MASS(t)[i];
         const V3 w = back(r, v.ang), wd = back(r, a.ang);
         force[i] = wrench(r * (body * wd + cross(w, body * w)) + cross(c, f), f);
         if (external) force[i] = wrench(force[i].ang - external[i].ang, force[i].lin - external[i].lin);
@@ -118,9 +129,9 @@ BIG void bias(Tree& t, const real* qd, V3 gravity, const Wrench* external) {
 FN Inertia body(const Tree& t, int i) {
     const M3& r = t.rotation[i];
     M3 own;
-    for (int k = 0; k < 9; k++) own.m[k] = BODY[9 * i + k];
-    const V3 c = t.position[i] + r * read3(COM + 3 * i);
-    const real m = MASS[i], s = m * dot(c, c);
+    for (int k = 0; k < 9; k++) own.m[k] = BODY(t)[9 * i + k];
+    const V3 c = t.position[i] + r * read3(COM(t) + 3 * i);
+    const real m = MASS(t)[i], s = m * dot(c, c);
     const M3 a = r * own;
     Inertia b;
     b.mass = m;
@@ -154,7 +165,7 @@ BIG void crba(Tree& t) {
         add(composite[j], body(t, MASS_OF[j]));
         const Wrench momentum = composite[j] * t.axis[j];
         const int row = DOF[j], p = PARENT[j];
-        mass[LOWER(row, row)] += dot(t.axis[j], momentum) + ARMATURE[j];
+        mass[LOWER(row, row)] += dot(t.axis[j], momentum) + ARMATURE(t)[j];
         forebears(j, [&](auto i) {
             if (DOFS && i == 0) for (int k = 0; k < 6; k++) enter(mass, row, k, dot(rootward(k), momentum));
             else enter(mass, row, DOF[i], dot(t.axis[i], momentum));

@@ -79,7 +79,7 @@ pub struct Held {
     pub drives: Buffer<f64>,
     /// Of each environment, or `[frame]` of each.
     pub torques: Buffer<f64>,
-    /// Scenes, one after the other, and which of them is whose.
+    /// Scenes, one after the other, each with what the robot there has of its own, and which of them is whose.
     pub records: Buffer<f64>,
     /// See `records`.
     pub scene_of: Buffer<i32>,
@@ -91,6 +91,7 @@ pub struct Held {
     forces: Buffer<f64>,
     pub(crate) watched: bool,
     pub(crate) scenes: Vec<Arc<Scene>>,
+    pub(crate) systems: Vec<Arc<System>>,
 }
 
 impl Held {
@@ -111,6 +112,7 @@ impl Held {
             forces: device.zeros(3 * n * robot.contact_points.len())?,
             watched: false,
             scenes: Vec::new(),
+            systems: Vec::new(),
         })
     }
 

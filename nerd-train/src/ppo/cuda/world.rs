@@ -63,8 +63,7 @@ impl World {
         let Simulation { batch, solver } = &mut episodes.simulation;
         let Some(resident) = solver.resident() else { return Ok(None) };
         let (n, system) = (batch.len(), &batch.system);
-        let colliders = batch.scenes.iter().map(|scene| scene.colliders.len()).max().unwrap_or(0);
-        let text = task.kernels(system, colliders, back.is_some()).map_err(StepError::Refused)?;
+        let text = task.kernels(system, Reach::of(batch), back.is_some()).map_err(StepError::Refused)?;
         resident.hold(batch)?;
         if let Some((device, _)) = resident.held() {
             device.join(beside).map_err(failed)?;

@@ -1,0 +1,142 @@
+//! Numbers of which each robot of a family has its own ([`crate::vary`]). They follow its scene in the scene's record; all others are constants
+//! of the text.
+//!
+//! Every table of [`TABLES`] is a macro of the text: `MASS(t)` is the table itself, or the place of a tree's own numbers where `[vary]` changes them.
+
+use super::super::stiff::Bounds;
+use super::program::Text;
+use crate::prelude::*;
+use crate::system::vary::VarySpec;
+
+/// What is asked of a `[vary]`.
+type Changes = fn(&VarySpec) -> bool;
+
+/// Names of tables, and what changes them: first those that a solver reads from its tree, then from [`SOLVERS`] on those that are read where they are,
+/// by what surrounds it.
+const TABLES: [(&str, Changes); 17] = [
+    ("MASS", |v| v.mass.is_some()),
+    ("COM", |v| v.com.is_some()),
+    ("BODY", |v| v.mass.is_some() || v.inertia.is_some()),
+    ("ARMATURE", |v| v.armature.is_some()),
+    ("DAMPING", damping),
+    ("DRY", |v| v.joint_damping.is_some() || v.dry_friction.is_some()),
+    ("LEAST", |v| bodies(v) || v.armature.is_some()),
+    ("DAMPED", |v| bodies(v) || v.armature.is_some() || damping(v)),
+    ("EASE", bodies),
+    ("FOLD_EASE", bodies),
+    ("FOLD_MATERIAL", |v| v.friction.is_some() || v.stiffness.is_some() || v.contact_damping.is_some()),
+    ("KP", |v| v.gain.is_some()),
+    ("KD", |v| v.gain.is_some()),
+    ("LATE", |v| v.delay.is_some()),
+    ("STRENGTH", |v| v.strength.is_some()),
+    ("ZERO", |v| v.zero.is_some()),
+    ("RIPPLE", |v| v.ripple.is_some()),
+];
+const SOLVERS: usize = 11;
+/// The first table of motors and sensors.
+const MOTORS: usize = 13;
+/// Says that robots differ, if in no table.
+const FAMILY: u32 = 1 << 31;
+
+fn bodies(vary: &VarySpec) -> bool {
+    [vary.mass, vary.inertia, vary.com].iter().any(Option::is_some)
+}
+
+fn damping(vary: &VarySpec) -> bool {
+    vary.joint_damping.is_some() || vary.damping.is_some()
+}
+
+/// Which tables a robot has of its own, as bits; none where all robots of a batch are the same.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Own(u32);
+
+impl Own {
+    /// Of a batch whose robots `[vary]` tells.
+    pub(super) fn of(batch: &Batch) -> Self {
+        let (Some(vary), false) = (&batch.system.spec.vary, batch.systems.is_empty()) else { return Self::default() };
+        Self(TABLES.iter().enumerate().fold(FAMILY, |bits, (k, (_, changes))| bits | u32::from(changes(vary)) << k))
+    }
+
+    fn has(self, k: usize) -> bool {
+        self.0 >> k & 1 == 1
+    }
+
+    /// Whether motors or sensors do.
+    pub fn rigged(self) -> bool {
+        (MOTORS..TABLES.len()).any(|k| self.has(k))
+    }
+
+    /// Whether dry friction does.
+    pub(super) fn dry(self) -> bool {
+        self.has(5)
+    }
+
+    /// Writes the tables of a robot before others of its family, or alone: those of a solver in `real`, or those of what surrounds it.
+    pub(super) fn write(self, text: &mut Text, system: &System, solver: bool) {
+        let mut at = 0;
+        for (k, ((name, _), numbers)) in TABLES.iter().zip(tables(system)).enumerate() {
+            let (here, count) = (solver == (k < SOLVERS), numbers.len());
+            if self.has(k) {
+                let place = if k < SOLVERS { format!("((of).own + {at})") } else { format!("((of) + SHARED + {at})") };
+                text.0 += &if here { format!("#define {name}(of) {place}\n") } else { String::new() };
+                at += count;
+            } else if here {
+                text.table(if solver { "real" } else { "double" }, name, numbers);
+                text.0 += &format!("#define {name}(of) {name}\n");
+            }
+            if solver && k + 1 == SOLVERS {
+                text.define([("OWNED", at)]);
+            }
+        }
+        if solver {
+            text.define([("OWN", at)]);
+        }
+    }
+
+    /// What follows a scene in the record of one of a family's robots.
+    ///
+    /// # Errors
+    /// If it has dry friction nowhere, where others have some.
+    pub(super) fn numbers(self, robot: &System) -> Result<Vec<f64>, String> {
+        if self == Self::default() {
+            return Ok(Vec::new());
+        }
+        if robot.held() != self.held(robot) {
+            return Err("a robot has no dry friction where others have some: on a device all have; raise vary.dry_friction above 0".into());
+        }
+        Ok(tables(robot).into_iter().enumerate().filter(|(k, _)| self.has(*k)).flat_map(|(_, numbers)| numbers).collect())
+    }
+
+    /// Whether all robots have dry friction, springs or links that may touch each other.
+    pub(super) fn held(self, system: &System) -> bool {
+        let dry = self.dry() && system.spec.vary.as_ref().is_some_and(|vary| vary.dry_friction.is_some_and(|range| range.high > 0.0));
+        system.held() || dry
+    }
+}
+
+/// What the tables hold.
+fn tables(system: &System) -> [Vec<f64>; TABLES.len()] {
+    let (robot, bounds, m, motors) = (&system.robot, Bounds::new(system), &system.spec.material, &system.motors);
+    let links = |of: &dyn Fn(&Link) -> Vec<f64>| robot.links.iter().flat_map(of).collect::<Vec<f64>>();
+    let joints = |of: fn(&Joint) -> f64| robot.joints().map(of).collect::<Vec<f64>>();
+    let each = |own: &[f64], default: f64| if own.is_empty() { vec![default; robot.joint_count()] } else { own.to_vec() };
+    [
+        links(&|l| vec![l.inertia.mass]),
+        links(&|l| l.inertia.com.as_slice().to_vec()),
+        links(&|l| l.inertia.inertia.transpose().as_slice().to_vec()),
+        links(&|l| vec![l.joint.as_ref().map_or(0.0, |j| j.ratio().powi(2) * j.armature)]),
+        joints(|j| j.damping),
+        joints(|j| j.friction),
+        bounds.least,
+        vec![bounds.damped],
+        bounds.ease,
+        bounds.folds,
+        vec![m.stiffness, m.damping, m.friction_damping, m.friction],
+        system.joint_specs().map(|j| j.kp).collect(),
+        system.joint_specs().map(|j| j.kd).collect(),
+        vec![motors.delay],
+        each(&motors.strength, 1.0),
+        each(&motors.zeros, 0.0),
+        each(&motors.ripple, 0.0),
+    ]
+}
