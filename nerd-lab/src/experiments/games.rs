@@ -87,7 +87,7 @@ pub fn input_of(task: &str, arena: &Arena) -> Result<Input> {
     let setting = match arena {
         Arena::Model { folder, .. } | Arena::Guess(Guess { folder, .. }) => return Input::model(folder),
         Arena::Truth(truth) => (*truth).into(),
-        Arena::Family(truth, family) => return Input::motion(&family.name, named(task)?.scene(), &(*truth).into()),
+        Arena::Family(truth, family, _) => return Input::motion(&family.name, named(task)?.scene(), &(*truth).into()),
         Arena::Judge(setting) => setting.clone(),
         #[cfg(feature = "cuda")]
         Arena::Card(setting) => setting.clone(),

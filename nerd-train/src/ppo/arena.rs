@@ -27,8 +27,8 @@ pub enum Arena {
         /// Where its network is computed.
         device: Device,
     },
-    /// A truth, with robots of a family ([`vary`]) in place of the task's, in each environment another one for good.
-    Family(Truth, Arc<System>),
+    /// A truth, with robots of a family ([`vary`]) in place of the task's, in each environment another one for good; on a GPU in 32 bits.
+    Family(Truth, Arc<System>, Device),
     /// A model of a family that guesses which robot it steps.
     Guess(Guess),
     /// An analytic solver that is not a truth. The reference simulator's preset acts on its own robot, `NAME-paper`.
@@ -44,14 +44,18 @@ impl Arena {
     /// The truth of a family for a task.
     ///
     /// # Errors
-    /// If nothing of it is drawn, or it is of another robot than the task.
-    pub fn family(task: &str, name: &str, truth: Truth) -> Result<Self> {
+    /// If nothing of it is drawn, it is of another robot than the task, or the truth is not on that device.
+    pub fn family(task: &str, name: &str, truth: Truth, device: Device) -> Result<Self> {
+        device.check()?;
+        if device != Device::Cpu && !(device.is_cuda() && truth == Truth::Articulated) {
+            refuse!("--device {device}: robots that differ are on the CPU, and of `articulated` on `cuda`");
+        }
         let (family, robot) = (System::named(name)?, named(task)?.robot());
         if family.spec.vary.is_none() {
             refuse!("nothing of `{name}` is drawn; give its TOML a [vary]");
         }
         match family.alike(&*System::named(robot)?) {
-            Ok(()) => Ok(Self::Family(truth, family)),
+            Ok(()) => Ok(Self::Family(truth, family, device)),
             Err(reason) => refuse!("`{name}` is no family of `{robot}`, which {task} is a task of: {reason}"),
         }
     }
@@ -62,7 +66,7 @@ impl Arena {
     /// As [`Self::family`], or if the folder holds no model.
     pub fn guess(task: &str, family: &str, folder: PathBuf, by: PathBuf, shown: u64) -> Result<Self> {
         let truth = ModelConfig::truth_of(&folder)?;
-        let Self::Family(truth, family) = Self::family(task, family, truth)? else { refuse!("{family} is no family") };
+        let Self::Family(truth, family, _) = Self::family(task, family, truth, Device::Cpu)? else { refuse!("{family} is no family") };
         Ok(Self::Guess(Guess { folder, device: Device::Cpu, family, truth, shown, by }))
     }
 
@@ -70,7 +74,7 @@ impl Arena {
     pub fn word(&self) -> String {
         match self {
             Self::Truth(truth) => format!("{truth:?}").to_lowercase(),
-            Self::Family(_, family) => family.name.clone(),
+            Self::Family(_, family, device) => family.name.clone() + if device.is_cuda() { "-cuda" } else { "" },
             Self::Guess(_) => "guessed".into(),
             Self::Model { .. } => "neural".into(),
             Self::Judge(setting) => setting.to_string().replace(' ', "-"),
@@ -84,7 +88,9 @@ impl Arena {
     pub fn title(&self) -> Result<String> {
         Ok(match self {
             Self::Truth(truth) => truth.name(),
-            Self::Family(truth, family) => format!("{} of {}", truth.name(), family.name),
+            Self::Family(truth, family, device) => {
+                format!("{}{} of {}", truth.name(), if device.is_cuda() { " in 32 bits" } else { "" }, family.name)
+            }
             Self::Guess(Guess { folder, shown, .. }) => {
                 format!("neural {} of {}, {shown} frames seen", folder.display(), ModelConfig::read(folder)?.truth)
             }
@@ -98,7 +104,7 @@ impl Arena {
 
     /// What it computes, by content: robot, truth or model, whatever their folder is called.
     pub fn identity(&self, system: &System) -> Result<String> {
-        let system = if let Self::Family(_, family) | Self::Guess(Guess { family, .. }) = self { family } else { system };
+        let system = if let Self::Family(_, family, _) | Self::Guess(Guess { family, .. }) = self { family } else { system };
         let solver = match self {
             Self::Truth(truth) => truth.name(),
             Self::Model { folder, .. } | Self::Guess(Guess { folder, .. }) => {
@@ -118,7 +124,7 @@ impl Arena {
     /// Whether a GPU takes part, on which policies answer and learn, too.
     pub fn on_gpu(&self) -> bool {
         match self {
-            Self::Model { device, .. } | Self::Guess(Guess { device, .. }) => device.is_cuda(),
+            Self::Model { device, .. } | Self::Guess(Guess { device, .. }) | Self::Family(.., device) => device.is_cuda(),
             #[cfg(feature = "cuda")]
             Self::Card(_) => true,
             _ => false,
@@ -168,7 +174,7 @@ impl Arena {
         let n = envs.len();
         let system = match self {
             Self::Judge(Setting::Paper) => System::named(&format!("{}-paper", task.robot()))?,
-            Self::Family(_, family) => family.clone(),
+            Self::Family(_, family, _) => family.clone(),
             _ => System::named(task.robot())?,
         };
         if n == 0 {
@@ -182,9 +188,13 @@ impl Arena {
         // And how many frames back its next step depends on.
         let (solver, memory): (Box<dyn Solver>, usize) = match self {
             Self::Truth(truth) => (truth.solver(&system), 0),
-            Self::Family(truth, _) => (truth.solver(&system), LATEST as usize + 1),
+            #[cfg(feature = "cuda")]
+            Self::Family(.., device) if device.is_cuda() => {
+                (crate::device::resident(&Setting::Accurate, &system, Real::F32, Precision::F16)?, LATEST as usize + 1)
+            }
+            Self::Family(truth, ..) => (truth.solver(&system), LATEST as usize + 1),
             Self::Guess(guess) => {
-                let real = Self::Family(guess.truth, guess.family.clone()).part(named(task.name())?, 0..ROBOTS, seed)?;
+                let real = Self::Family(guess.truth, guess.family.clone(), Device::Cpu).part(named(task.name())?, 0..ROBOTS, seed)?;
                 return guess.episodes(task, n, seed, envs.start, real);
             }
             Self::Model { folder, device } => {

@@ -213,7 +213,7 @@ fn a_learned_solver_goes_on_too() {
 /// Environments of a family have robots of their own, a part of them the same ones, and a snapshot knows which torques are late.
 #[test]
 fn each_environment_has_a_robot_of_a_family() {
-    let arena = |name: &str| Arena::family("ant-run", name, Truth::Articulated);
+    let arena = |name: &str| Arena::family("ant-run", name, Truth::Articulated, Device::Cpu);
     let family = arena("ant-family").expect("a family of the Ant");
     let mut all = family.episodes("ant-run", 6, 3).expect("episodes");
     let mut part = family.part(named("ant-run").expect("a task"), 2..5, 3).expect("episodes");
@@ -270,7 +270,7 @@ fn a_model_has_seen_the_robot_that_it_steps() {
     let mut episodes = Arena::Guess(guess.clone()).episodes("cartpole-swingup", 5, 3).expect("episodes");
     assert_eq!(episodes.simulation.batch.frames, [12; 5]);
 
-    let mut real = Arena::Family(Truth::Articulated, family.clone()).episodes("cartpole-swingup", 256, 3).expect("episodes");
+    let mut real = Arena::Family(Truth::Articulated, family.clone(), Device::Cpu).episodes("cartpole-swingup", 256, 3).expect("episodes");
     let actor = Actor::new(nerd_train::ppo::folder::load(&by).expect("a policy").1);
     let mut running = Running::new(&real, actor.policy.shape.stack);
     let mut first = None;

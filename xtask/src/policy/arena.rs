@@ -14,8 +14,8 @@ pub struct ArenaArgs {
     /// Folder of the model of `neural` [default: models/TASK if it is there, else models/ROBOT]
     #[arg(long)]
     pub model: Option<PathBuf>,
-    /// Family of the task's robot, as `ant-family`: one of its robots in each environment, drawn by the seed. A model of it (models/FAMILY, or
-    /// --model) has seen each come to where its episode begins
+    /// Family of the task's robot, as `ant-family`, or a TOML with `like = "ROBOT"` and [vary]: one of its robots in each environment, drawn by
+    /// the seed. A model of it (models/FAMILY, or --model) has seen each come to where its episode begins
     #[arg(long, value_name = "ROBOT")]
     pub family: Option<String>,
     /// Frames that a model of a family has seen of a robot [default: 60]
@@ -38,13 +38,13 @@ impl ArenaArgs {
         let shown = [("--shown", self.shown.is_some() && !guessed), ("--shown-by", self.shown_by.is_some() && !guessed)];
         unused(&shown, "without --solver neural and --family")?;
         if let Some(family) = self.family {
-            if device.is_cuda() {
-                bail!("--device {device}: robots that differ are on the CPU; leave it out");
-            }
             let truth = match self.solver {
                 SolverName::Articulated => Truth::Articulated,
                 SolverName::Rapier => Truth::Rapier,
                 SolverName::Neural => {
+                    if device != Device::Cpu {
+                        bail!("--device {device}: a model that is shown its robots is on the CPU; leave it out");
+                    }
                     let folder = self.model.unwrap_or_else(|| shipped::model_of_task(task, &family));
                     let Some(by) = self.shown_by else {
                         bail!("--shown-by POLICY is needed: who acts where a model of a family is shown robots")
@@ -52,7 +52,7 @@ impl ArenaArgs {
                     return Ok(Arena::guess(task, &family, folder, by, self.shown.unwrap_or(60))?);
                 }
             };
-            return Ok(Arena::family(task, &family, truth)?);
+            return Ok(Arena::family(task, &family, truth, device)?);
         }
         match (self.solver, self.model) {
             (SolverName::Neural, Some(folder)) => Ok(Arena::Model { folder, device }),

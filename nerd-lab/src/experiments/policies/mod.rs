@@ -35,13 +35,13 @@ settings! {
         model: Option<PathBuf> = None, Text;
         /// Play in the truth alone
         truth_only: bool = false, Flag;
-        /// Play on robots of a family in the truth, as `ant-family`, a robot a game, and in no model
+        /// Play on robots of a family in the truth, as `ant-family` or a TOML of one, a robot a game, and in no model
         family: Option<String> = None, Text;
         /// Games of each policy (the paper: 2048)
         games: usize = 2048, Whole(STARTS);
         /// Seed of the starts
         seed: u64 = 500, Whole(SEEDS);
-        /// Where the learned simulators are computed (cpu or cuda)
+        /// Where the learned simulators are computed, or a family's robots (cpu or cuda)
         device: Device = Device::Cpu, Words(&["cpu", "cuda"]);
     }
 }
@@ -90,7 +90,7 @@ impl Policies {
         depend(inputs, task, truth)?;
         if let Some(family) = &self.family {
             inputs.add(Input::robot(&*System::named(family)?));
-            inputs.add(input_of(task, &Arena::family(task, family, truth)?)?);
+            inputs.add(input_of(task, &Arena::family(task, family, truth, self.device)?)?);
         }
         if learned {
             inputs.add(Input::model(&model)?);
@@ -103,7 +103,7 @@ impl Policies {
         let task = config.task;
         let (model, truth) = self.host(&task)?;
         let play = |arena| games(&task, &arena, &policy, self.games, self.seed);
-        let home = self.family.as_ref().map_or(Ok(Arena::Truth(truth)), |family| Arena::family(&task, family, truth))?;
+        let home = self.family.as_ref().map_or(Ok(Arena::Truth(truth)), |family| Arena::family(&task, family, truth, self.device))?;
         let real = play(home.clone())?;
         let length = nerd_tasks::named(&task)?.episode_length() as f64;
         let fell = real.iter().filter(|game| game.length < length).count() as f64 / real.len() as f64;
