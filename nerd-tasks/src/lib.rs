@@ -1,26 +1,20 @@
 #![doc = include_str!("../README.md")]
 
-mod ant;
-mod anymal;
 pub mod body;
-mod cartpole_swingup;
 mod drape;
 mod episodes;
+mod file;
 pub mod formula;
-mod franka_reach;
 mod lead_tip;
 pub mod plan;
 mod registry;
 mod snapshot;
 mod task;
 
-pub use ant::Ant;
-pub use anymal::Anymal;
-pub use cartpole_swingup::CartpoleSwingup;
 pub use episodes::{Episodes, StepResult};
-pub use franka_reach::FrankaReach;
+pub use file::FileTask;
 pub use lead_tip::LeadTip;
-pub use registry::{TaskError, named, names};
+pub use registry::{TaskError, general, named, names, word};
 pub use snapshot::{Beginning, Snapshot, Trace};
 pub use task::{About, Slopes, Task, View, Work, fast_start};
 

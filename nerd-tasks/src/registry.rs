@@ -1,37 +1,75 @@
-//! Tasks by name.
+//! Tasks by name, and from files.
 
-use crate::{Ant, Anymal, CartpoleSwingup, FrankaReach, LeadTip, Task};
+use std::path::Path;
 
-/// No such task.
+use nerd_sim::{files::read_text, system::SystemError};
+
+use crate::{FileTask, LeadTip, Task};
+
+/// Why there is no such task.
 #[derive(Debug, thiserror::Error)]
-#[error("no task `{0}`: choose from {known}", known = names().join(", "))]
-pub struct TaskError(pub String);
-
-/// All of them, the paper's in the order of its table, then others.
-fn all() -> [Box<dyn Task>; 10] {
-    [
-        Box::new(CartpoleSwingup),
-        Box::new(FrankaReach::Position),
-        Box::new(FrankaReach::Torque),
-        Box::new(Ant::Run),
-        Box::new(Ant::Spin),
-        Box::new(Ant::SpinTrack),
-        Box::new(Anymal::Forward),
-        Box::new(Anymal::Side),
-        Box::new(LeadTip),
-        Box::new(Ant::Point),
-    ]
+#[non_exhaustive]
+pub enum TaskError {
+    /// No such built-in task, and no such file.
+    #[error("no task `{0}`: choose from {known}, or the path of a task's .toml", known = names().into_iter().chain(general()).collect::<Vec<_>>().join(", "))]
+    Unknown(String),
+    /// A file that could not be read, or whose text is wrong.
+    #[error("task `{0}`: {1}")]
+    File(String, String),
+    /// Its robot.
+    #[error(transparent)]
+    Robot(#[from] SystemError),
 }
 
-/// Names of all tasks.
+/// Files of tasks with a robot; the paper's in the order of its table, then others.
+const OWN: [(&str, &str); 9] = [
+    ("cartpole-swingup", include_str!("../assets/cartpole-swingup.toml")),
+    ("franka-reach", include_str!("../assets/franka-reach.toml")),
+    ("franka-reach-torque", include_str!("../assets/franka-reach-torque.toml")),
+    ("ant-run", include_str!("../assets/ant-run.toml")),
+    ("ant-spin", include_str!("../assets/ant-spin.toml")),
+    ("ant-spin-track", include_str!("../assets/ant-spin-track.toml")),
+    ("anymal-forward", include_str!("../assets/anymal-forward.toml")),
+    ("anymal-side", include_str!("../assets/anymal-side.toml")),
+    ("ant-point", include_str!("../assets/ant-point.toml")),
+];
+
+/// Files of tasks for any robot.
+const GENERAL: [(&str, &str); 2] = [("walk", include_str!("../assets/walk.toml")), ("stand", include_str!("../assets/stand.toml"))];
+
+/// Names of all tasks that have a robot.
 pub fn names() -> Vec<&'static str> {
-    all().iter().map(|task| task.name()).collect()
+    let mut all: Vec<_> = OWN.iter().map(|(name, _)| *name).collect();
+    all.insert(8, LeadTip.name());
+    all
 }
 
-/// A task by name.
+/// Names of tasks for any robot: `walk@go2.urdf` is one of them for one.
+pub fn general() -> Vec<&'static str> {
+    GENERAL.iter().map(|(name, _)| *name).collect()
+}
+
+/// What a task is called in a folder's name: `walk-go2` of `walk@robots/go2.urdf`.
+pub fn word(name: &str) -> String {
+    let stem = |part: &str| Path::new(part).file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+    name.split('@').map(stem).collect::<Vec<_>>().join("-")
+}
+
+/// A task by name, or by the path of its file (.toml); with `@` and a robot behind it, for that robot. Its own name is what it was called by.
 ///
 /// # Errors
-/// If there is none of that name.
+/// If there is none of that name, or its file or its robot is wrong.
 pub fn named(name: &str) -> Result<Box<dyn Task>, TaskError> {
-    all().into_iter().find(|task| task.name() == name).ok_or_else(|| TaskError(name.into()))
+    let (task, robot) = name.split_once('@').map_or((name, None), |(task, robot)| (task, Some(robot)));
+    if task == LeadTip.name() && robot.is_none() {
+        return Ok(Box::new(LeadTip));
+    }
+    if let Some((_, text)) = OWN.iter().chain(&GENERAL).find(|(own, _)| *own == task) {
+        return Ok(Box::new(FileTask::new(name, text, robot)?));
+    }
+    if Path::new(task).extension().is_none_or(|ending| ending != "toml") {
+        return Err(TaskError::Unknown(name.into()));
+    }
+    let text = read_text(Path::new(task)).map_err(|e| TaskError::File(task.into(), e.to_string()))?;
+    Ok(Box::new(FileTask::new(name, &text, robot)?))
 }

@@ -74,7 +74,25 @@ pub trait Task: Send + Sync {
     /// Its names and sizes.
     fn about(&self) -> About;
 
-    /// Numbers in an episode's goal. The first three of a longer one are a place (m), and shown.
+    /// Its robot.
+    ///
+    /// # Errors
+    /// As [`System::named`].
+    fn system(&self) -> Result<Arc<System>, SystemError> {
+        System::named(self.robot())
+    }
+
+    /// The text that it was read from, if it was ([`crate::FileTask`]).
+    fn text(&self) -> Option<&str> {
+        None
+    }
+
+    /// Whether a goal's first three numbers are a place in the world (m), and shown.
+    fn place(&self) -> bool {
+        self.goal_dim() >= 3
+    }
+
+    /// Numbers in an episode's goal.
     fn goal_dim(&self) -> usize {
         0
     }

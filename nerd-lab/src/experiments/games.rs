@@ -125,7 +125,7 @@ pub fn policy_of(path: &Path, task: &str) -> Result<Policy> {
 
 /// Adds what a task's games depend on in a truth.
 pub fn depend(inputs: &mut Inputs, task: &str, truth: Truth) -> Result<()> {
-    inputs.add(Input::robot(&*System::named(named(task)?.robot())?));
+    inputs.add(Input::robot(&*named(task)?.system()?));
     inputs.add(input_of(task, &Arena::Truth(truth))?);
     Ok(())
 }

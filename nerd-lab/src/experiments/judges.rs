@@ -47,7 +47,7 @@ impl Judges {
 
     fn row(&self, path: &Path) -> Result<Row> {
         let (config, policy) = folder::load(path)?;
-        let system = System::named(nerd_tasks::named(&config.task)?.robot())?;
+        let system = nerd_tasks::named(&config.task)?.system()?;
         let judged = self.arenas(&system).into_iter().map(|(name, arena)| {
             let played = games(&config.task, &arena, &policy, self.games, self.seed)?;
             Ok((name, Reward::of(&played)))

@@ -80,7 +80,7 @@ fn beside(title: &str, start: &Batch, model: &Path, torques: &[f64], frames: usi
 pub fn policy(policy: &Path, model: &Path, steps: usize, seed: u64) -> Result<Replay> {
     let (config, policy) = folder::load(policy)?;
     let actor = Actor::new(policy);
-    let system = System::named(named(&config.task)?.robot())?;
+    let system = named(&config.task)?.system()?;
     let mut replay: Option<Replay> = None;
     for (name, solver) in both(&system, model)? {
         let task = named(&config.task)?;

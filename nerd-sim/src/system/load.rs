@@ -110,7 +110,11 @@ impl System {
         let defaults = [&file.keys, &own].into_iter().flat_map(|keys| keys.get("joint").and_then(toml::Value::as_array)).flatten();
         let default = |joint: &toml::Value| Some((joint.get("name")?.as_str()?.to_string(), joint.get("default")?.as_float()?));
         let defaults = defaults.filter_map(default).collect();
-        let keys = file.keys_of(&read.robot);
+        let mut keys = file.keys_of(&read.robot);
+        // The pose is among `defaults`.
+        for joint in keys.get_mut("joint").and_then(toml::Value::as_array_mut).into_iter().flatten().filter_map(toml::Value::as_table_mut) {
+            joint.remove("default");
+        }
         let spec = derived(&mut read, path, &file, &defaults, !own.contains_key("contact")).over(keys);
         let its_own = own.contains_key("data_scene");
         let mut spec = spec.and_then(|spec| spec.over(own)).map_err(|e| SystemError::spec(name, e))?;

@@ -4,6 +4,7 @@ use nerd_core::robot::MeshFile;
 use toml::Table;
 
 use super::built_in::{BUILT_IN, CABLES, FAMILIES, FOREIGN};
+use super::validate::check;
 use super::{folds::Folds, motors::Motors, spec::JointSpec};
 use crate::internal::*;
 use crate::scene::{WORLDS, described, world};
@@ -200,6 +201,19 @@ impl System {
     /// Amplitude of random torques by joint (N m or N).
     pub fn torque_amplitudes(&self) -> Vec<f64> {
         self.joint_specs().map(|j| j.torque).collect()
+    }
+
+    /// The same with frames of another time (s), or of other substeps.
+    ///
+    /// # Errors
+    /// If one is out of its range.
+    pub fn paced(&self, frame_time: Option<f64>, substeps: Option<usize>) -> Result<Self, SystemError> {
+        let mut own = self.clone();
+        own.spec.frame_time = frame_time.map_or(own.spec.frame_time, |time| time.to_string());
+        own.spec.substeps = substeps.unwrap_or(own.spec.substeps);
+        own.frame_time = own.spec.seconds();
+        check(&own.spec, &own.robot).map_err(|e| SystemError::Spec(self.name.clone(), e))?;
+        Ok(own)
     }
 
     /// Gravity (m/s^2).

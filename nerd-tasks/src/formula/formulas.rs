@@ -1,5 +1,7 @@
 //! The trait of a task that is written in formulas.
 
+use nerd_sim::{prelude::*, system::SystemError};
+
 use super::{Number, Sight};
 use crate::About;
 
@@ -7,6 +9,24 @@ use crate::About;
 pub trait Formulas: Send + Sync {
     /// Its names and sizes.
     fn about(&self) -> About;
+
+    /// Its robot.
+    ///
+    /// # Errors
+    /// As [`System::named`].
+    fn system(&self) -> Result<Arc<System>, SystemError> {
+        System::named(self.about().robot)
+    }
+
+    /// As [`crate::Task::text`].
+    fn text(&self) -> Option<&str> {
+        None
+    }
+
+    /// As [`crate::Task::place`].
+    fn place(&self) -> bool {
+        self.goal().len() >= 3
+    }
 
     /// Ranges of the numbers of an episode's goal, `[low, high)`, drawn in this order before the start.
     fn goal(&self) -> &[[f64; 2]] {

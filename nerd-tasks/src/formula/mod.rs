@@ -15,5 +15,6 @@ mod text;
 pub use formulas::Formulas;
 pub use number::Number;
 pub use sight::Sight;
+pub(crate) use tape::{Given, Leaf, Node};
 pub use tape::{Tape, Traced};
 pub use text::written;

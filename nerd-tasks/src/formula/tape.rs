@@ -7,7 +7,7 @@ use super::number::{Function, Number};
 
 /// A number that a formula is given.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Leaf {
+pub(crate) enum Leaf {
     /// Number k of the state.
     State(usize),
     /// Of the goal.
@@ -30,13 +30,13 @@ pub(super) enum Leaf {
 
 /// A number that is known, or one of a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Given {
+pub(crate) enum Given {
     Known(f64),
     Node(usize),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Node {
+pub(crate) enum Node {
     Leaf(Leaf),
     Made(Function, [Given; 2]),
 }
@@ -44,11 +44,11 @@ pub(super) enum Node {
 /// The nodes so far, each with its value where those of leaves are known.
 #[derive(Debug, Default)]
 pub struct Tape {
-    pub(super) nodes: RefCell<Vec<(Node, f64)>>,
+    pub(crate) nodes: RefCell<Vec<(Node, f64)>>,
     /// Actions of calls of the controller, and gradients by their torques.
-    pub(super) lists: RefCell<Vec<Vec<Given>>>,
+    pub(crate) lists: RefCell<Vec<Vec<Given>>>,
     /// What reaches too far.
-    pub(super) wrong: RefCell<Option<String>>,
+    pub(crate) wrong: RefCell<Option<String>>,
 }
 
 impl Tape {
@@ -58,19 +58,19 @@ impl Tape {
         Traced::Node(self, nodes.len() - 1)
     }
 
-    pub(super) fn leaf(&self, leaf: Leaf, value: f64) -> Traced<'_> {
+    pub(crate) fn leaf(&self, leaf: Leaf, value: f64) -> Traced<'_> {
         self.push(Node::Leaf(leaf), value)
     }
 
     /// Keeps a list; its number.
-    pub(super) fn list(&self, numbers: &[Traced]) -> usize {
+    pub(crate) fn list(&self, numbers: &[Traced]) -> usize {
         let mut lists = self.lists.borrow_mut();
         lists.push(numbers.iter().map(|x| x.given()).collect());
         lists.len() - 1
     }
 
     /// Whether number k of so many is one of them.
-    pub(super) fn among(&self, what: &str, k: usize, count: usize) {
+    pub(crate) fn among(&self, what: &str, k: usize, count: usize) {
         if k >= count {
             self.wrong.borrow_mut().get_or_insert_with(|| format!("number {k} of {count} {what} is asked for"));
         }
@@ -93,14 +93,14 @@ impl From<f64> for Traced<'_> {
 }
 
 impl<'a> Traced<'a> {
-    pub(super) fn given(self) -> Given {
+    pub(crate) fn given(self) -> Given {
         match self {
             Self::Number(x) => Given::Known(x),
             Self::Node(_, k) => Given::Node(k),
         }
     }
 
-    pub(super) fn value(self) -> f64 {
+    pub(crate) fn value(self) -> f64 {
         match self {
             Self::Number(x) => x,
             Self::Node(tape, k) => tape.nodes.borrow()[k].1,

@@ -1,9 +1,10 @@
 //! Every type of [`Formulas`] is a [`Task`], and a program for a graphics card.
 
 use std::fmt::Write;
+use std::sync::Arc;
 
 use nerd_sim::articulated::device::{Reach, episode};
-use nerd_sim::system::System;
+use nerd_sim::system::{System, SystemError};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
@@ -13,6 +14,18 @@ use crate::{About, Slopes, Task, View, Work};
 impl<F: Formulas> Task for F {
     fn about(&self) -> About {
         Formulas::about(self)
+    }
+
+    fn system(&self) -> Result<Arc<System>, SystemError> {
+        Formulas::system(self)
+    }
+
+    fn text(&self) -> Option<&str> {
+        Formulas::text(self)
+    }
+
+    fn place(&self) -> bool {
+        Formulas::place(self)
     }
 
     fn goal_dim(&self) -> usize {

@@ -3,6 +3,7 @@
 #[path = "../../../nerd-sim/tests/cpp/mod.rs"]
 mod cpp;
 mod episodes;
+mod file;
 mod kernels;
 mod lead;
 mod plan;

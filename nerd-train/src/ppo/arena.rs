@@ -50,13 +50,13 @@ impl Arena {
         if device != Device::Cpu && !(device.is_cuda() && truth == Truth::Articulated) {
             refuse!("--device {device}: robots that differ are on the CPU, and of `articulated` on `cuda`");
         }
-        let (family, robot) = (System::named(name)?, named(task)?.robot());
+        let (family, task) = (System::named(name)?, named(task)?);
         if family.spec.vary.is_none() {
             refuse!("nothing of `{name}` is drawn; give its TOML a [vary]");
         }
-        match family.alike(&*System::named(robot)?) {
+        match family.alike(&*task.system()?) {
             Ok(()) => Ok(Self::Family(truth, family, device)),
-            Err(reason) => refuse!("`{name}` is no family of `{robot}`, which {task} is a task of: {reason}"),
+            Err(reason) => refuse!("`{name}` is no family of `{}`, which {} is a task of: {reason}", task.robot(), task.name()),
         }
     }
 
@@ -175,7 +175,7 @@ impl Arena {
         let system = match self {
             Self::Judge(Setting::Paper) => System::named(&format!("{}-paper", task.robot()))?,
             Self::Family(_, family, _) => family.clone(),
-            _ => System::named(task.robot())?,
+            _ => task.system()?,
         };
         if n == 0 {
             refuse!("at least one environment is needed");

@@ -1,7 +1,6 @@
 //! Hyper-parameters, as of rl_games' `a2c_continuous`, with the paper's values for every task.
 
 use nerd_model::program::Activation;
-use nerd_tasks::TaskError;
 
 use crate::prelude::*;
 
@@ -106,12 +105,14 @@ impl Default for PpoConfig {
 }
 
 /// Shipped settings by the beginning of a task's name: the paper's, and those for where steps are dear.
-const FILES: [(&str, [&str; 2]); 5] = [
+const FILES: [(&str, [&str; 2]); 6] = [
     ("cartpole-", [include_str!("../../assets/ppo/cartpole.toml"), include_str!("../../assets/ppo/cartpole-small.toml")]),
     ("franka-", [include_str!("../../assets/ppo/franka.toml"), include_str!("../../assets/ppo/franka-small.toml")]),
     ("ant-", [include_str!("../../assets/ppo/ant.toml"), include_str!("../../assets/ppo/ant-small.toml")]),
     ("anymal-", [include_str!("../../assets/ppo/anymal.toml"), include_str!("../../assets/ppo/anymal-small.toml")]),
     ("lead-", [include_str!("../../assets/ppo/lead.toml"), include_str!("../../assets/ppo/lead-small.toml")]),
+    // Of tasks from files.
+    ("", [include_str!("../../assets/ppo/file.toml"), include_str!("../../assets/ppo/file-small.toml")]),
 ];
 
 /// Shipped settings of SHAC; the last are those of all other tasks.
@@ -121,6 +122,15 @@ const SHAC: [(&str, &str); 3] = [
     ("cartpole-", include_str!("../../assets/ppo/cartpole-shac.toml")),
 ];
 
+/// Whether a task comes with the project, robot and all; refused is one that there is not.
+fn built_in(task: &str) -> Result<bool> {
+    let own = nerd_tasks::names().contains(&task);
+    if !own {
+        nerd_tasks::named(task)?;
+    }
+    Ok(own)
+}
+
 impl PpoConfig {
     /// Fewer environments and more updates a step than the paper's: for a learned simulator on the CPU.
     pub fn small(task: &str) -> Result<Self> {
@@ -129,9 +139,9 @@ impl PpoConfig {
 
     /// SHAC's for a task.
     pub fn shac(task: &str) -> Result<Self> {
-        let known = nerd_tasks::names().contains(&task);
-        let found = SHAC.iter().find(|f| known && task.starts_with(f.0)).or(SHAC.last().filter(|_| known));
-        Self::from_text(found.ok_or_else(|| TaskError(task.into()))?.1)
+        let own = built_in(task)?;
+        let found = SHAC.iter().find(|f| own && task.starts_with(f.0)).unwrap_or(&SHAC[SHAC.len() - 1]);
+        Self::from_text(found.1)
     }
 
     /// The paper's for a task.
@@ -140,8 +150,9 @@ impl PpoConfig {
     }
 
     fn shipped(task: &str, which: usize) -> Result<Self> {
-        let found = FILES.iter().find(|f| task.starts_with(f.0) && nerd_tasks::names().contains(&task));
-        Self::from_text(found.ok_or_else(|| TaskError(task.into()))?.1[which])
+        let own = built_in(task)?;
+        let found = FILES.iter().find(|f| own && task.starts_with(f.0)).unwrap_or(&FILES[FILES.len() - 1]);
+        Self::from_text(found.1[which])
     }
 
     /// From TOML.

@@ -1,6 +1,6 @@
 //! Writes the result of a run: a folder with its best policy, a card and the learning curve.
 
-use super::folder::{PolicyConfig, save};
+use super::folder::{self, PolicyConfig, save};
 use super::*;
 use crate::records::{Session, rows};
 
@@ -8,15 +8,21 @@ use crate::records::{Session, rows};
 const POINTS: usize = 100;
 
 /// Writes `<out>/policy`; `identity` is the task and the solver, by content.
-pub fn export(out: &Path, task: &str, solver: &str, identity: &str, trainer: &Trainer) -> Result<()> {
+pub fn export(out: &Path, solver: &str, identity: &str, trainer: &Trainer) -> Result<()> {
+    let task = &*trainer.episodes.task;
     let spent = Session::all(out)?.last().map(|s| s.spent.clone()).unwrap_or_default();
     let (provenance, table) = rows(out, trainer.seed, vec![("spent", spent), ("learned in", identity.into())])?;
     let (policy, reward) = trainer.best();
     let (shape, ppo, iterations) = (policy.shape.clone(), trainer.config.clone(), trainer.state.iteration);
-    let config = PolicyConfig { task: task.into(), solver: solver.into(), shape, ppo, iterations, reward, provenance };
-    let folder = out.join("policy");
-    save(&folder, &config, policy, &card(&config, policy.flat.len(), &table))?;
-    write_curve(out, &folder)
+    let (name, robot_sha256) = (task.name().into(), folder::own(task).map(|_| task.system()).transpose()?.map(|system| system.sha256()));
+    let config = PolicyConfig { task: name, robot_sha256, solver: solver.into(), shape, ppo, iterations, reward, provenance };
+    let to = out.join("policy");
+    if let Some(text) = folder::own(task) {
+        let path = to.join(folder::TASK);
+        nerd_sim::files::write(&path, text.as_bytes()).map_err(Error::file(&path))?;
+    }
+    save(&to, &config, policy, &card(&config, policy.flat.len(), &table))?;
+    write_curve(out, &to)
 }
 
 fn card(config: &PolicyConfig, parameters: usize, table: &str) -> String {

@@ -1,4 +1,5 @@
-//! A policy is a folder: `config.json`, `policy.safetensors` and a card, `README.md`.
+//! A policy is a folder: `config.json`, `policy.safetensors` and a card, `README.md`; of a task from a file that file's text, too, by which
+//! the policy is played from then on, whatever becomes of the file.
 //!
 //! Weights are named `layerK.weight` `[in, out]` and `layerK.bias`; the last layer's outputs are mean action, value and, unless it is a
 //! parameter (`log_std`), the logarithm of the spread. `observation.mean` and `observation.variance` normalise inputs, `return.mean` and
@@ -8,12 +9,18 @@ use nerd_model::transformer::TensorSpec;
 
 use super::*;
 
+/// The text of its task.
+pub(super) const TASK: &str = "task.toml";
+
 /// What was learned, where, how; `config.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PolicyConfig {
     /// Task.
     pub task: String,
+    /// Of a task from a file, [`System::sha256`] of its robot.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub robot_sha256: Option<String>,
     /// What the policy was trained in.
     pub solver: String,
     /// Shape of the network.
@@ -47,15 +54,43 @@ pub fn save(folder: &Path, config: &PolicyConfig, policy: &Policy, card: &str) -
 
 /// Reads the folder of a policy of a built-in task.
 pub fn load(folder: &Path) -> Result<(PolicyConfig, Policy)> {
-    let (path, config) = config(folder)?;
-    let task = nerd_tasks::named(&config.task).map_err(Error::file(&path))?;
+    let (path, mut config) = config(folder)?;
+    let own = folder.join(TASK);
+    if own.exists() {
+        // As it was when the policy learned.
+        let robot = config.task.split_once('@').map_or_else(String::new, |(_, robot)| format!("@{robot}"));
+        config.task = format!("{}{robot}", own.display());
+    }
+    let task = named(&config.task).map_err(Error::file(&path))?;
+    if let Some(sha256) = &config.robot_sha256
+        && *sha256 != task.system()?.sha256()
+    {
+        let text = format!("`{}` is another robot than the policy learned with ({})", task.robot(), &sha256[..sha256.len().min(16)]);
+        return Err(Error::file(&path)(text));
+    }
     read(folder, config, &*task)
+}
+
+/// The text of a task that does not come with the project.
+pub(super) fn own(task: &dyn Task) -> Option<&str> {
+    task.text().filter(|_| !nerd_tasks::names().contains(&task.name()))
+}
+
+/// A task by content: its name, and of one from a file the text in place of where it is.
+pub fn identity(task: &dyn Task) -> String {
+    let Some(text) = own(task) else { return task.name().into() };
+    let hash: String = Sha256::digest(text).iter().take(8).map(|b| format!("{b:02x}")).collect();
+    format!("task {hash} of {}", nerd_tasks::word(task.robot()))
 }
 
 /// Reads the folder of a policy of this task, built-in or not.
 pub fn load_for(folder: &Path, task: &dyn Task) -> Result<(PolicyConfig, Policy)> {
     let (path, config) = config(folder)?;
-    if config.task != task.name() {
+    let same = match own(task) {
+        Some(text) => std::fs::read_to_string(folder.join(TASK)).is_ok_and(|kept| kept == text),
+        None => config.task == task.name(),
+    };
+    if !same {
         return Err(Error::file(&path)(format!("a policy of task `{}`, not of `{}`", config.task, task.name())));
     }
     read(folder, config, task)

@@ -74,10 +74,10 @@ impl PolicyRun {
         let task = named(&self.task)?;
         self.config.check().map_err(Error::Refused)?;
         memory(&*task, &self.config)?;
-        let (system, solver) = (System::named(task.robot())?, self.arena.title()?);
+        let (system, solver) = (task.system()?, self.arena.title()?);
         let title = format!("{} on {solver}", self.task);
         // What a checkpoint is known by: a model is its weights, wherever they are.
-        let identity = format!("{} on {}", self.task, self.arena.identity(&system)?);
+        let identity = format!("{} on {}", folder::identity(&*task), self.arena.identity(&system)?);
         let settings = json!({ "run": identity, "seed": self.seed, "settings": self.config });
         ranks.agree("settings", &settings.to_string(), "give all ranks the same command")?;
         let mut trainer = self.arena.trainer(task, self.config.clone(), self.seed, ranks)?;
@@ -106,7 +106,7 @@ impl PolicyRun {
         if iterations > first || !Session::any(out) {
             Session::log(out, first, iterations, elapsed.as_secs_f64(), &done.spent)?;
         }
-        export(out, &self.task, &solver, &identity, &trainer)?;
+        export(out, &solver, &identity, &trainer)?;
         Ok(done)
     }
 

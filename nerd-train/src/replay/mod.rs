@@ -29,7 +29,8 @@ pub fn record(page: &mut Replay, name: &str, actor: &Actor, episodes: &mut Episo
     for _ in 0..steps {
         page.add(&episodes.simulation.batch);
         if page.tracks.len() == 1 {
-            page.goals.push(episodes.view(0).goal.iter().map(|x| *x as f32).collect());
+            let shown = if episodes.task.place() { episodes.view(0).goal } else { &[] };
+            page.goals.push(shown.iter().map(|x| *x as f32).collect());
             page.rewards.push(total as f32);
         }
         let (result, ended) = running.step(episodes, &actor.mean(&running.stack.rows), &mut reached)?;

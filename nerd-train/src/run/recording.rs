@@ -70,7 +70,7 @@ impl RecordConfig {
             let (config, policy) = crate::ppo::folder::load(&shipped::find(folder))?;
             let task = nerd_tasks::named(&config.task)?;
             // A policy of the robot that a family is like acts on all of the family.
-            let own = task.robot() == system.name || system.spec.vary.is_some() && system.alike(&*System::named(task.robot())?).is_ok();
+            let own = task.robot() == system.name || system.spec.vary.is_some() && system.alike(&*task.system()?).is_ok();
             if !own {
                 refuse!("{} acts on `{}`, not on `{}`", folder.display(), task.robot(), system.name);
             }

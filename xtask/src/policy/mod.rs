@@ -33,8 +33,12 @@ pub enum PolicyVerb {
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct TrainArgs {
-    /// Task: cartpole-swingup, ant-run, ant-spin, ant-spin-track, franka-reach, franka-reach-torque, anymal-forward, anymal-side, lead-tip, ant-point
+    /// Task: cartpole-swingup, ant-run, ant-spin, ant-spin-track, franka-reach, franka-reach-torque, anymal-forward, anymal-side, lead-tip,
+    /// ant-point; with --robot walk or stand; or the path of a task's file (docs/tasks.md)
     pub task: String,
+    /// Robot of a task from a file: built in, or the path of a .urdf or MJCF (.xml)
+    #[arg(long)]
+    pub robot: Option<String>,
     #[command(flatten)]
     pub arena: ArenaArgs,
     /// From samples (ppo), or from slopes (shac), which articulated and models of single frames have
@@ -109,7 +113,8 @@ pub fn run(args: PolicyArgs) -> Result<()> {
 }
 
 fn train(args: TrainArgs) -> Result<()> {
-    let TrainArgs { task, seed, until, minutes, .. } = args;
+    let TrainArgs { task, robot, seed, until, minutes, .. } = args;
+    let task = robot.map_or(task.clone(), |robot| format!("{task}@{robot}"));
     let arena = args.arena.of(&task)?;
     let slopes = args.algorithm == Algorithm::Shac;
     if slopes {
@@ -121,7 +126,7 @@ fn train(args: TrainArgs) -> Result<()> {
     config.horizon = args.horizon.unwrap_or(config.horizon);
     config.iterations = args.iterations.unwrap_or(config.iterations);
     config.minibatch = args.minibatch.unwrap_or(config.minibatch);
-    let out = args.out.unwrap_or_else(|| format!("out/policies/{task}-{}-{seed}", arena.word()).into());
+    let out = args.out.unwrap_or_else(|| format!("out/policies/{}-{}-{seed}", nerd_tasks::word(&task), arena.word()).into());
     let run = PolicyRun { task, arena, config, seed, until, minutes, out };
     ranks::run(|ranks| {
         if let Some(done) = run.train_among(ranks)? {

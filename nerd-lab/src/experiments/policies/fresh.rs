@@ -59,8 +59,8 @@ fn done(run: &PolicyRun) -> Result<bool> {
         return Ok(false);
     }
     let found = folder::load(&path)?.0;
-    let system = System::named(nerd_tasks::named(&run.task)?.robot())?;
-    let identity = format!("{} on {}", run.task, run.arena.identity(&system)?);
+    let task = nerd_tasks::named(&run.task)?;
+    let identity = format!("{} on {}", folder::identity(&*task), run.arena.identity(&*task.system()?)?);
     if found.provenance.get("learned in") != Some(&identity) || found.ppo != run.config {
         bail!("{} holds a policy of another arena or other settings: take another --runs", path.display());
     }

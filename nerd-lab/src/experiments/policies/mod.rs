@@ -109,7 +109,7 @@ impl Policies {
         let fell = real.iter().filter(|game| game.length < length).count() as f64 / real.len() as f64;
         let learned = Arena::Model { folder: model.clone(), device: self.device };
         let learned = if self.alone() { None } else { Some(play(learned)?) };
-        let system = System::named(nerd_tasks::named(&task)?.robot())?;
+        let system = nerd_tasks::named(&task)?.system()?;
         let bare = system.robot.contact_points.is_empty();
         let half = if bare { Setting::Rk4(2) } else { Setting::Implicit(system.spec.substeps.div_ceil(2)) };
         let half = if self.fresh.is_empty() { None } else { Compared::of(&real, Some(&play(Arena::Judge(half))?)).gap };

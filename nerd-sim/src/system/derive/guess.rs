@@ -6,7 +6,13 @@ use std::f64::consts::PI;
 use nerd_core::dynamics::TreeFactor;
 
 use super::plain::{between, listed, plain, rounded};
-use super::{base::settle, limits::pose, spread::enough, srdf::pose_of};
+use super::{
+    base::settle,
+    limits::pose,
+    spread::enough,
+    srdf::{ZERO, pose_of},
+    stance::bend,
+};
 use crate::system::spec::{ControlSpec, JointSpec, RandomGains, RandomPlane, RootSpec, RootStart, StartSpec};
 use crate::{internal::*, scene::foot, system::mjcf::Description};
 
@@ -77,13 +83,17 @@ pub(crate) fn derived(
     choose: bool,
 ) -> Spec {
     let UrdfRobot { robot, notes, base, .. } = read;
-    let (mut state, pose) = pose_of(robot, path);
+    let (mut state, mut pose) = pose_of(robot, path);
     let coords = robot.root_coords();
     if robot.floating() {
         state[3..7].copy_from_slice(&file.quaternion);
     }
+    let zero = state.clone();
     for (q, joint) in state[coords..].iter_mut().zip(robot.joints()) {
         *q = defaults.get(&joint.name).copied().unwrap_or(*q);
+    }
+    if pose == ZERO && state[coords..] == zero[coords..] && bend(robot, &mut state) {
+        pose = "on bent legs, since some joints cannot be at zero".into();
     }
     let mut data = Data::new(robot);
     kinematics(robot, &state, &mut data);

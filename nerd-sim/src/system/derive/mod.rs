@@ -15,6 +15,7 @@ mod meshes;
 mod plain;
 mod spread;
 mod srdf;
+mod stance;
 #[cfg(feature = "meshes")]
 mod wheel;
 

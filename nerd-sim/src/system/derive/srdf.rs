@@ -5,6 +5,9 @@ use crate::internal::*;
 /// Names of standing poses, the best first.
 const STANDING: [&str; 2] = ["standing", "half_sitting"];
 
+/// Where it is from if none is known.
+pub(super) const ZERO: &str = "zero, within the limits";
+
 /// A state at rest, and where it is from: an SRDF's pose to stand in, else zero, or the nearest to it within the limits.
 pub fn pose_of(robot: &Robot, urdf: Option<&Path>) -> (Vec<f64>, String) {
     let mut state = robot.zero_state();
@@ -13,7 +16,7 @@ pub fn pose_of(robot: &Robot, urdf: Option<&Path>) -> (Vec<f64>, String) {
         *q = joint.limit.map_or(0.0, |l| 0.0f64.clamp(l.lower, l.upper));
     }
     // Of all poses that may be meant, the one that says most of this robot's joints.
-    let mut best: (usize, Vec<(usize, f64)>, String) = (0, Vec::new(), "zero, within the limits".into());
+    let mut best: (usize, Vec<(usize, f64)>, String) = (0, Vec::new(), ZERO.into());
     for file in urdf.map(beside).unwrap_or_default() {
         let Ok(text) = std::fs::read_to_string(&file) else { continue };
         let Ok(document) = roxmltree::Document::parse(&text) else { continue };

@@ -1,0 +1,71 @@
+//! A pose to stand in, of a robot on legs whose joints cannot all be at zero: each foot below where its leg hangs, at a share of its reach.
+
+use super::limits::pose;
+use crate::internal::*;
+
+/// Height of a hip over its foot, of the most that the leg reaches.
+const REACH: f64 = 0.8;
+/// Poses in which that is looked for, and turns of the search.
+const POSES: usize = 256;
+const TURNS: usize = 200;
+
+/// Bends the legs of a robot on a free base, whose pose is `state`, if some joint cannot be at zero; whether it has.
+pub(super) fn bend(robot: &Robot, state: &mut [f64]) -> bool {
+    let apart = |joint: &Joint| joint.limit.is_some_and(|limit| limit.lower > 0.0 || limit.upper < 0.0);
+    if !robot.floating() || robot.mimics() || !robot.joints().any(apart) {
+        return false;
+    }
+    let mut hips: Vec<Option<usize>> = vec![None; robot.links.len()];
+    let mut data = Data::new(robot);
+    kinematics(robot, state, &mut data);
+    let origin = |data: &Data, link: usize| data.origin + data.position[link];
+    let mut length = vec![0.0; robot.links.len()];
+    for link in 1..robot.links.len() {
+        let Some(parent) = robot.links[link].parent else { continue };
+        hips[link] = hips[parent].or((parent == 0).then_some(link));
+        length[link] = if parent == 0 { 0.0 } else { length[parent] + (origin(&data, link) - origin(&data, parent)).norm() };
+    }
+    let far = |p: &ContactPoint| length[p.link] + p.local.norm();
+    let mut bent = false;
+    for hip in (1..robot.links.len()).filter(|link| hips[*link] == Some(*link)) {
+        let own: Vec<usize> = (hip..robot.links.len()).filter(|link| hips[*link] == Some(hip)).collect();
+        let points = robot.contact_points.iter().filter(|p| own.contains(&p.link));
+        let Some(foot) = points.max_by(|a, b| far(a).total_cmp(&far(b))) else { continue };
+        // From the hip to the foot.
+        let way = |state: &[f64], data: &mut Data| {
+            kinematics(robot, state, data);
+            point_position(data, foot.link, &foot.local) - origin(data, hip)
+        };
+        let at = |link: usize| robot.root_coords() + link - 1;
+        let reach = (0..POSES).map(|k| {
+            let mut tried = state.to_vec();
+            let drawn = pose(robot, k);
+            own.iter().for_each(|link| tried[at(*link)] = drawn[at(*link)]);
+            -way(&tried, &mut data).z
+        });
+        let reach = reach.fold(0.0, f64::max);
+        let asked = Vector3::new(0.0, way(state, &mut data).y, -REACH * reach);
+        if reach <= 0.0 {
+            continue;
+        }
+        for _ in 0..TURNS {
+            let now = way(state, &mut data);
+            let (mut square, mut slopes) = (Matrix3::identity() * 1e-6, Vec::new());
+            for link in &own {
+                let mut moved = state.to_vec();
+                moved[at(*link)] += 1e-6;
+                let slope = (way(&moved, &mut data) - now) / 1e-6;
+                square += slope * slope.transpose();
+                slopes.push(slope);
+            }
+            let Some(push) = square.try_inverse().map(|inverse| inverse * (asked - now)) else { break };
+            for (link, slope) in own.iter().zip(slopes) {
+                let (q, limit) = (&mut state[at(*link)], robot.links[*link].joint.as_ref().and_then(|joint| joint.limit));
+                *q += slope.dot(&push).clamp(-0.1, 0.1);
+                *q = limit.map_or(*q, |limit| q.clamp(limit.lower, limit.upper));
+            }
+        }
+        bent = true;
+    }
+    bent
+}

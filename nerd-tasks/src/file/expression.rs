@@ -1,0 +1,405 @@
+//! Expressions in Rust's syntax, read over vectors: what has one number goes with every number of another.
+
+use std::cell::RefCell;
+use std::collections::{BTreeMap, HashMap, hash_map::Entry};
+use std::ops::Range;
+
+use nerd_sim::prelude::*;
+use syn::{BinOp, Expr, Lit, RangeLimits, UnOp, spanned::Spanned};
+
+use super::words::{Facts, Of, sum};
+use crate::formula::{Leaf, Number, Tape, Traced};
+
+/// Letters of a text, operators in it, numbers of a vector, and steps that a formula may have; and how deep it may be nested.
+const LETTERS: usize = 2000;
+const SIGNS: usize = 400;
+const LONGEST: usize = 4096;
+const MOST: usize = 200_000;
+const DEEPEST: usize = 32;
+
+/// Numbers, and what they are of.
+#[derive(Clone, Debug)]
+pub(super) struct Value<'a> {
+    pub numbers: Vec<Traced<'a>>,
+    of: Of,
+}
+
+/// Which formula is read: torques are known in rewards, an action that acts in `act`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Part {
+    Act,
+    Reward,
+    Other,
+}
+
+/// Reads the expressions of one formula of a file.
+pub(super) struct Reader<'a> {
+    tape: &'a Tape,
+    facts: &'a Facts,
+    part: Part,
+    /// Names of the file's own, and where commands are in the goal.
+    lets: &'a BTreeMap<String, String>,
+    commands: &'a [(String, Range<usize>)],
+    /// Numbers of an action, and where the last one is in the goal.
+    actions: usize,
+    memory: usize,
+    /// What names say; none of one that is being read.
+    known: RefCell<HashMap<String, Option<Value<'a>>>>,
+}
+
+type Said<T> = Result<T, (proc_macro2::Span, String)>;
+
+impl<'a> Reader<'a> {
+    pub fn new(
+        tape: &'a Tape,
+        facts: &'a Facts,
+        part: Part,
+        lets: &'a BTreeMap<String, String>,
+        commands: &'a [(String, Range<usize>)],
+        actions: usize,
+        memory: usize,
+    ) -> Self {
+        Self { tape, facts, part, lets, commands, actions, memory, known: RefCell::default() }
+    }
+
+    /// What an expression says, `key` being where it is written.
+    pub fn read(&self, key: &str, text: &str) -> Result<Vec<Traced<'a>>, String> {
+        Ok(self.value(key, text)?.numbers)
+    }
+
+    /// The same, of one number.
+    pub fn one(&self, key: &str, text: &str) -> Result<Traced<'a>, String> {
+        let numbers = self.read(key, text)?;
+        match numbers[..] {
+            [one] => Ok(one),
+            _ => Err(format!("{key}: one number is needed, and this has {}; write sum(..) or mean(..)", numbers.len())),
+        }
+    }
+
+    fn value(&self, key: &str, text: &str) -> Result<Value<'a>, String> {
+        let at = |span: proc_macro2::Span, said: &str| {
+            // A wrong name of the file's own says itself where.
+            if let Some(said) = said.strip_prefix('\0') {
+                return said.into();
+            }
+            let (line, column) = (span.start().line, span.start().column + 1);
+            let line = if line > 1 { format!("line {line}, ") } else { String::new() };
+            format!("{key}, {line}column {column}: {said}")
+        };
+        nested(text).map_err(|said| format!("{key}: {said}"))?;
+        let read: Expr = syn::parse_str(text).map_err(|e| at(e.span(), &e.to_string()))?;
+        self.expression(&read).map_err(|(span, said)| at(span, &said))
+    }
+
+    fn expression(&self, read: &Expr) -> Said<Value<'a>> {
+        let wrong = |said: String| Err((read.span(), said));
+        let value = match read {
+            Expr::Paren(inner) => self.expression(&inner.expr)?,
+            Expr::Group(inner) => self.expression(&inner.expr)?,
+            Expr::Lit(lit) => {
+                let number = match &lit.lit {
+                    Lit::Int(x) => x.suffix().is_empty().then(|| x.base10_digits().parse::<f64>().ok()).flatten(),
+                    Lit::Float(x) => x.suffix().is_empty().then(|| x.base10_digits().parse::<f64>().ok()).flatten(),
+                    _ => return wrong("a text stands in [..] or place(..) alone".into()),
+                };
+                match number.filter(|x| x.is_finite()) {
+                    Some(x) => plain(vec![x.into()]),
+                    None => return wrong("not a number".into()),
+                }
+            }
+            Expr::Unary(unary) => {
+                let inner = self.expression(&unary.expr)?;
+                match unary.op {
+                    UnOp::Neg(_) => each(inner, |x| -x),
+                    UnOp::Not(_) => each(inner, |x| Traced::from(1.0) - x),
+                    _ => return wrong("`*` before a name means nothing here".into()),
+                }
+            }
+            Expr::Binary(both) => {
+                let (a, b) = (self.expression(&both.left)?, self.expression(&both.right)?);
+                let f: fn(Traced<'a>, Traced<'a>) -> Traced<'a> = match both.op {
+                    BinOp::Add(_) => |a, b| a + b,
+                    BinOp::Sub(_) => |a, b| a - b,
+                    BinOp::Mul(_) => |a, b| a * b,
+                    BinOp::Div(_) => |a, b| a / b,
+                    BinOp::Lt(_) => |a, b| a.below(b),
+                    BinOp::Gt(_) => |a, b| b.below(a),
+                    BinOp::Le(_) => |a, b| Traced::from(1.0) - b.below(a),
+                    BinOp::Ge(_) => |a, b| Traced::from(1.0) - a.below(b),
+                    BinOp::And(_) => Number::min,
+                    BinOp::Or(_) => Number::or,
+                    _ => return wrong("of operators there are + - * / < > <= >= && || !".into()),
+                };
+                paired(a, b, f).map_err(|said| (both.right.span(), said))?
+            }
+            Expr::Array(list) => {
+                let parts = list.elems.iter().map(|part| self.expression(part)).collect::<Said<Vec<_>>>()?;
+                plain(parts.into_iter().flat_map(|part| part.numbers).collect())
+            }
+            Expr::Index(index) => self.indexed(self.expression(&index.expr)?, &index.index)?,
+            Expr::Path(path) => match path.path.get_ident() {
+                Some(name) => self.word(&name.to_string()).map_err(|said| (read.span(), said))?,
+                None => return wrong("a name without `::` is needed".into()),
+            },
+            Expr::MethodCall(call) if call.turbofish.is_none() => {
+                let args: Vec<&Expr> = std::iter::once(&*call.receiver).chain(&call.args).collect();
+                self.called(&call.method.to_string(), &args).map_err(|e| placed(e, call.method.span()))?
+            }
+            Expr::Call(call) => match &*call.func {
+                Expr::Path(path) if path.path.get_ident().is_some() => {
+                    let args: Vec<&Expr> = call.args.iter().collect();
+                    let name = path.path.get_ident().map(ToString::to_string).unwrap_or_default();
+                    self.called(&name, &args).map_err(|e| placed(e, call.func.span()))?
+                }
+                _ => return wrong("the name of a function is needed".into()),
+            },
+            _ => return wrong("not an expression of numbers, names, operators, [..] and functions".into()),
+        };
+        let steps = self.tape.nodes.borrow().len();
+        if value.numbers.len() > LONGEST || steps > MOST {
+            return wrong(format!("it has {} numbers and {steps} steps; {LONGEST} and {MOST} are borne", value.numbers.len()));
+        }
+        Ok(value)
+    }
+
+    fn word(&self, name: &str) -> Result<Value<'a>, String> {
+        let goal = |k: usize| self.tape.leaf(Leaf::Goal(k), f64::NAN);
+        let memory = |ago: usize| (0..self.actions).map(|k| goal(self.memory + ago * self.actions + k)).collect::<Vec<_>>();
+        let of_joints = if self.actions == self.facts.system.robot.joint_count() { Of::Joints } else { Of::Numbers };
+        if let Some((_, at)) = self.commands.iter().find(|(own, _)| own == name) {
+            return Ok(plain(at.clone().map(goal).collect()));
+        }
+        if let Some(text) = self.lets.get(name) {
+            match self.known.borrow_mut().entry(name.into()) {
+                Entry::Occupied(known) => {
+                    return known.get().clone().ok_or_else(|| format!("`{name}` speaks of itself"));
+                }
+                Entry::Vacant(room) => _ = room.insert(None),
+            }
+            let value = self.value(&format!("let.{name}"), text).map_err(|said| format!("\0{said}"))?;
+            self.known.borrow_mut().insert(name.into(), Some(value.clone()));
+            return Ok(value);
+        }
+        match (name, self.part) {
+            ("action", Part::Act) => {
+                let action = (0..self.actions).map(|k| self.tape.leaf(Leaf::Action(k), f64::NAN));
+                Ok(Value { numbers: action.collect(), of: of_joints })
+            }
+            ("action", _) | ("last_action", Part::Act) => Ok(Value { numbers: memory(0), of: of_joints }),
+            ("last_action", _) => Ok(Value { numbers: memory(1), of: of_joints }),
+            ("torque", Part::Reward) => {
+                let torques = (0..self.facts.system.robot.joint_count()).map(|k| self.tape.leaf(Leaf::Torque(k), f64::NAN));
+                Ok(Value { numbers: torques.collect(), of: Of::Joints })
+            }
+            ("torque", _) => Err("`torque` is known in the reward alone".into()),
+            _ => match self.facts.word(self.tape, name) {
+                Some(found) => found.map(|(numbers, of)| Value { numbers, of }),
+                None => {
+                    let own = self.commands.iter().map(|c| &c.0).chain(self.lets.keys());
+                    let own: Vec<_> = own.map(String::as_str).chain([Facts::WORDS]).collect();
+                    Err(format!("no word `{name}`: choose from {}", own.join(", ")))
+                }
+            },
+        }
+    }
+
+    /// By a number, a name, a range `a..b`, or a list of numbers.
+    fn indexed(&self, value: Value<'a>, index: &Expr) -> Said<Value<'a>> {
+        let wrong = |said: String| (index.span(), said);
+        let count = value.numbers.len();
+        let numbers = |e: &Expr| self.expression(e).and_then(|v| wholes(&v).map_err(|said| (e.span(), said)));
+        let (at, of) = match index {
+            Expr::Lit(lit) if matches!(lit.lit, Lit::Str(_)) => {
+                let Lit::Str(name) = &lit.lit else { return Err(wrong("a name is needed".into())) };
+                (self.facts.named(&name.value(), value.of).map_err(wrong)?, Of::Numbers)
+            }
+            Expr::Range(range) => {
+                let end = |e: &Option<Box<Expr>>, other: usize| e.as_ref().map_or(Ok(vec![other]), |e| numbers(e));
+                let (from, to) = (end(&range.start, 0)?, end(&range.end, count)?);
+                let ([from], [to]) = (&from[..], &to[..]) else { return Err(wrong("one number on each side of `..`".into())) };
+                let to = to.saturating_add(usize::from(matches!(range.limits, RangeLimits::Closed(_))));
+                if *from > to || to > count {
+                    return Err(wrong(format!("{from}..{to} of {count} numbers")));
+                }
+                ((*from..to).collect(), Of::Numbers)
+            }
+            _ => (numbers(index)?, Of::Numbers),
+        };
+        let found: Option<Vec<_>> = at.iter().map(|k| value.numbers.get(*k).copied()).collect();
+        let numbers = found.ok_or_else(|| wrong(format!("number {} of {count}", at.iter().max().unwrap_or(&0))))?;
+        Ok(Value { numbers, of })
+    }
+
+    fn called(&self, name: &str, args: &[&Expr]) -> Said<Value<'a>> {
+        let no_place = |said: String| (proc_macro2::Span::call_site(), said);
+        if name == "place" || name == "axis" {
+            return self.place(name, args);
+        }
+        let needed = match name {
+            "exp" | "sqrt" | "abs" | "squared" | "wrap" | "sum" | "mean" | "norm" | "max_of" | "min_of" | "controlled" | "len" => 1,
+            "max" | "min" | "dot" | "cross" => 2,
+            "clamp" | "select" => 3,
+            _ => {
+                let known = "exp, sqrt, abs, squared, wrap, sum, mean, norm, max_of, min_of, len, controlled, max, min, dot, cross, clamp, \
+                             select, place, axis";
+                return Err(no_place(format!("no function `{name}`: choose from {known}")));
+            }
+        };
+        if args.len() != needed {
+            return Err(no_place(format!("`{name}` takes {needed}, not {}", args.len())));
+        }
+        let values = args.iter().map(|e| self.expression(e)).collect::<Said<Vec<_>>>()?;
+        let two =
+            |f: fn(Traced<'a>, Traced<'a>) -> Traced<'a>| paired(values[0].clone(), values[1].clone(), f).map_err(|s| (args[1].span(), s));
+        let first = || values[0].clone();
+        let some = || match values[0].numbers[..] {
+            [] => Err((args[0].span(), format!("`{name}` of no number"))),
+            _ => Ok(values[0].numbers.iter().copied()),
+        };
+        let one = |x: Traced<'a>| plain(vec![x]);
+        Ok(match name {
+            "exp" => each(first(), Number::exp),
+            "sqrt" => each(first(), Number::sqrt),
+            "abs" => each(first(), Number::abs),
+            "squared" => each(first(), Number::squared),
+            "wrap" => each(first(), Number::wrap),
+            "len" => one((values[0].numbers.len() as f64).into()),
+            "sum" => one(sum(values[0].numbers.iter().copied())),
+            "mean" => one(sum(some()?) / (values[0].numbers.len() as f64).into()),
+            "norm" => one(sum(values[0].numbers.iter().map(|x| x.squared())).sqrt()),
+            "max_of" => one(some()?.reduce(Number::max).unwrap_or(0.0.into())),
+            "min_of" => one(some()?.reduce(Number::min).unwrap_or(0.0.into())),
+            "max" => two(Number::max)?,
+            "min" => two(Number::min)?,
+            "dot" => one(sum(two(|a, b| a * b)?.numbers.into_iter())),
+            "cross" => match (&values[0].numbers[..], &values[1].numbers[..]) {
+                (a @ [_, _, _], b @ [_, _, _]) => {
+                    plain((0..3).map(|i| a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3]).collect())
+                }
+                _ => return Err(no_place("`cross` takes two vectors of three numbers".into())),
+            },
+            "clamp" | "select" => {
+                let [a, b, c] = [0, 1, 2].map(|k| values[k].clone());
+                let said = |s| (args[2].span(), s);
+                if name == "clamp" {
+                    paired(two(Number::max)?, c, Number::min).map_err(said)?
+                } else {
+                    let yes = paired(a.clone(), b, |a, b| a * b).map_err(|s| (args[1].span(), s))?;
+                    let no = paired(each(a, |a| Traced::from(1.0) - a), c, |a, b| a * b).map_err(said)?;
+                    paired(yes, no, |a, b| a + b).map_err(said)?
+                }
+            }
+            _ => {
+                let (joints, count) = (self.facts.system.robot.joint_count(), values[0].numbers.len());
+                if count != joints {
+                    return Err((args[0].span(), format!("`controlled` takes a number for each of {joints} joints, not {count}")));
+                }
+                let call = self.tape.list(&values[0].numbers);
+                let numbers = (0..joints).map(|i| self.tape.leaf(Leaf::Controlled { call, i }, f64::NAN)).collect();
+                Value { numbers, of: Of::Joints }
+            }
+        })
+    }
+
+    /// `place("link")` or `place("link", [x, y, z])` in the world (m); `axis("link", [x, y, z])`, how a direction of a link's lies in the world.
+    fn place(&self, function: &str, args: &[&Expr]) -> Said<Value<'a>> {
+        let no_place = |said: String| (proc_macro2::Span::call_site(), said);
+        let (name, local) = match args {
+            [name] if function == "place" => (name, [0.0; 3]),
+            [name, local] => {
+                let value = self.expression(local)?;
+                let known =
+                    value.numbers.iter().map(|x| if let Traced::Number(x) = x { Some(*x) } else { None }).collect::<Option<Vec<_>>>();
+                let local = known.and_then(|known| <[f64; 3]>::try_from(known).ok());
+                (name, local.ok_or_else(|| (args[1].span(), "three known numbers are needed".to_string()))?)
+            }
+            _ => return Err(no_place(format!("`{function}` takes the name of a link and [x, y, z] in its axes"))),
+        };
+        let name = match name {
+            Expr::Lit(lit) => match &lit.lit {
+                Lit::Str(text) => Some(text.value()),
+                _ => None,
+            },
+            _ => None,
+        };
+        let name = name.ok_or_else(|| (args[0].span(), "the name of a link is needed, in quotation marks".to_string()))?;
+        let Some((link, at, turn)) = self.facts.frame(&name) else {
+            let robot = &self.facts.system.robot;
+            let known = robot.links.iter().map(|l| l.name.as_str()).chain(robot.frames.iter().map(|f| f.name.as_str()));
+            return Err((args[0].span(), format!("no link `{name}`: choose from {}", known.take(40).collect::<Vec<_>>().join(", "))));
+        };
+        let place = |local: Vector3<f64>| {
+            let local: [f64; 3] = local.into();
+            [0, 1, 2].map(|axis| self.tape.leaf(Leaf::Place { link, local, axis }, f64::NAN))
+        };
+        let tip = place(at + turn * Vector3::from(local));
+        if function == "place" {
+            return Ok(plain(tip.to_vec()));
+        }
+        let from = place(at);
+        Ok(plain((0..3).map(|k| tip[k] - from[k]).collect()))
+    }
+}
+
+/// An error that has no place is where its function is named.
+fn placed((span, said): (proc_macro2::Span, String), own: proc_macro2::Span) -> (proc_macro2::Span, String) {
+    (if span.start().line == 0 || span.start() == proc_macro2::Span::call_site().start() { own } else { span }, said)
+}
+
+fn plain(numbers: Vec<Traced<'_>>) -> Value<'_> {
+    Value { numbers, of: Of::Numbers }
+}
+
+fn each<'a>(value: Value<'a>, f: impl Fn(Traced<'a>) -> Traced<'a>) -> Value<'a> {
+    Value { numbers: value.numbers.into_iter().map(f).collect(), of: value.of }
+}
+
+/// Number by number; one goes with all.
+fn paired<'a>(a: Value<'a>, b: Value<'a>, f: impl Fn(Traced<'a>, Traced<'a>) -> Traced<'a>) -> Result<Value<'a>, String> {
+    let (n, m) = (a.numbers.len(), b.numbers.len());
+    if n != m && n != 1 && m != 1 {
+        return Err(format!("{n} numbers with {m}: as many are needed, or one"));
+    }
+    let (long, of) = if n >= m { (n, a.of) } else { (m, b.of) };
+    // One with none is none.
+    let long = if n == 0 || m == 0 { 0 } else { long };
+    let at = |of: &Value<'a>, k: usize| of.numbers[if of.numbers.len() == 1 { 0 } else { k }];
+    Ok(Value { numbers: (0..long).map(|k| f(at(&a, k), at(&b, k))).collect(), of })
+}
+
+/// Known whole numbers, as an index has them.
+fn wholes(value: &Value) -> Result<Vec<usize>, String> {
+    let whole = |x: &Traced| match x {
+        Traced::Number(x) if *x >= 0.0 && x.fract() == 0.0 && *x < 1e6 => Some(*x as usize),
+        _ => None,
+    };
+    value.numbers.iter().map(whole).collect::<Option<_>>().ok_or_else(|| "an index is a known whole number, a name, or a..b".into())
+}
+
+/// Refuses what no parser should be asked to go into.
+fn nested(text: &str) -> Result<(), String> {
+    let (mut depth, mut deepest, mut signs) = (0usize, 0, 0usize);
+    for c in text.chars() {
+        match c {
+            '(' | '[' | '{' => depth += 1,
+            ')' | ']' | '}' => depth = depth.saturating_sub(1),
+            _ => (),
+        }
+        signs = if "-!*&".contains(c) {
+            signs + 1
+        } else if c.is_whitespace() {
+            signs
+        } else {
+            0
+        };
+        deepest = deepest.max(depth).max(signs);
+    }
+    let operators = text.chars().filter(|c| "+-*/<>&|.".contains(*c)).count();
+    if text.len() > LETTERS || deepest > DEEPEST || operators > SIGNS {
+        return Err(format!(
+            "it has {} letters and {operators} operators, nested {deepest} deep; {LETTERS}, {SIGNS} and {DEEPEST} are borne; name parts of it under [let]",
+            text.len()
+        ));
+    }
+    Ok(())
+}

@@ -1,0 +1,70 @@
+//! The keys of a task's file.
+
+use std::collections::BTreeMap;
+
+use nerd_sim::prelude::Range;
+use serde::Deserialize;
+
+/// As it is written.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Keys {
+    /// Robot, where none is named with the task.
+    pub robot: Option<String>,
+    /// Scene [default: that of the robot's data, else `free`].
+    pub scene: Option<String>,
+    /// One frame (s) [default: the robot's].
+    pub frame_time: Option<f64>,
+    /// Substeps of a frame [default: the robot's].
+    pub substeps: Option<usize>,
+    /// Frames of a step.
+    #[serde(default = "one")]
+    pub frames: u64,
+    /// Steps of an episode.
+    pub steps: u64,
+    /// Numbers in an action [default: one a joint].
+    pub actions: Option<usize>,
+    /// What is drawn for an episode.
+    #[serde(default)]
+    pub command: BTreeMap<String, Command>,
+    /// Expressions by name.
+    #[serde(default, rename = "let")]
+    pub lets: BTreeMap<String, String>,
+    pub observation: Vec<String>,
+    /// Torques [default: the robot's own controller].
+    pub act: Option<String>,
+    pub reward: Terms,
+    pub over: Option<String>,
+    pub miss: Option<String>,
+    #[serde(default)]
+    pub residuals: Vec<String>,
+}
+
+fn one() -> u64 {
+    1
+}
+
+/// One number, or several.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged, expecting = "a range \"U(low, high)\" is needed, or a list of them")]
+pub(super) enum Command {
+    One(Range),
+    Some(Vec<Range>),
+}
+
+impl Command {
+    pub fn ranges(&self) -> &[Range] {
+        match self {
+            Self::One(range) => std::slice::from_ref(range),
+            Self::Some(ranges) => ranges,
+        }
+    }
+}
+
+/// One expression, or named ones whose sum it is.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged, expecting = "an expression is needed, or named ones, of which the sum is taken")]
+pub(super) enum Terms {
+    One(String),
+    Sum(BTreeMap<String, String>),
+}

@@ -1,0 +1,200 @@
+//! A task's file, read for a robot.
+
+use std::collections::HashSet;
+use std::ops::Range;
+use std::sync::Mutex;
+
+use nerd_sim::{prelude::*, system::SystemError};
+
+use super::expression::{Part, Reader};
+use super::keys::{Keys, Terms};
+use super::{program::Program, words::Facts};
+use crate::formula::{Formulas, Number, Sight, Tape, Traced};
+use crate::{About, TaskError};
+
+/// A task that was read from a file, for a robot.
+pub struct FileTask {
+    about: About,
+    system: Arc<System>,
+    text: String,
+    goal: Vec<[f64; 2]>,
+    place: bool,
+    /// Observation, torques, reward, end, miss and residuals.
+    observe: Program,
+    act: Program,
+    reward: Program,
+    over: Program,
+    miss: Program,
+    residuals: Program,
+    remembers: bool,
+}
+
+impl FileTask {
+    /// From the text of a file, for a robot as [`System::named`] knows it, or for that which the file names; `name` is what it is called by.
+    ///
+    /// # Errors
+    /// What is wrong with the text, with its key and column; that there is no such robot or scene.
+    pub fn new(name: &str, text: &str, robot: Option<&str>) -> Result<Self, TaskError> {
+        let wrong = |said: String| TaskError::File(name.into(), said);
+        let keys: Keys = toml::from_str(text).map_err(|e| wrong(e.to_string().trim().replace('\n', " ")))?;
+        let Some(robot) = robot.or(keys.robot.as_deref()) else {
+            return Err(wrong("it is for any robot: name one with --robot, or under the key `robot`".into()));
+        };
+        let mut system = System::named(robot)?;
+        if keys.frame_time.is_some() || keys.substeps.is_some() {
+            system = Arc::new(system.paced(keys.frame_time, keys.substeps)?);
+        }
+        let usual = system.spec.data_scene.clone().unwrap_or_else(|| "free".into());
+        let scene = system.scene(keys.scene.as_ref().unwrap_or(&usual))?;
+        let facts = Facts::new(&system, &scene, system.frame_time * keys.frames as f64);
+        let actions = keys.actions.unwrap_or(system.robot.joint_count());
+        if actions > 4096 {
+            return Err(wrong(format!("actions is {actions}; at most 4096 are borne")));
+        }
+        let (goal, commands, place) = commands(&keys);
+        names(&facts, &keys, &commands).map_err(wrong)?;
+        let read = |part: Part, key: &str, all: &[(String, String)], summed: bool| {
+            let tape = Tape::default();
+            let reader = Reader::new(&tape, &facts, part, &keys.lets, &commands, actions, goal.len());
+            let mut out: Vec<Traced> = Vec::new();
+            for (own, text) in all {
+                let key = if own.is_empty() { key.to_string() } else { format!("{key}.{own}") };
+                if summed {
+                    let term = reader.one(&key, text).map_err(wrong)?;
+                    out = vec![out.first().map_or(term, |sum| *sum + term)];
+                } else {
+                    out.extend(reader.read(&key, text).map_err(wrong)?);
+                }
+            }
+            Ok::<_, TaskError>(Program::of(&tape, &out))
+        };
+        let counted = |list: &[String]| list.iter().enumerate().map(|(k, text)| (k.to_string(), text.clone())).collect::<Vec<_>>();
+        let alone = |text: &Option<String>| text.iter().map(|text| (String::new(), text.clone())).collect::<Vec<_>>();
+        let terms = match &keys.reward {
+            Terms::One(text) => vec![(String::new(), text.clone())],
+            Terms::Sum(terms) => terms.clone().into_iter().collect(),
+        };
+        let usual = Some("controlled(action)".to_string());
+        let observe = read(Part::Other, "observation", &counted(&keys.observation), false)?;
+        let act = read(Part::Act, "act", &alone(&keys.act.clone().or(usual)), false)?;
+        let reward = read(Part::Reward, "reward", &terms, true)?;
+        let over = read(Part::Other, "over", &alone(&keys.over), true)?;
+        let miss = read(Part::Other, "miss", &alone(&keys.miss), true)?;
+        let residuals = read(Part::Other, "residuals", &counted(&keys.residuals), false)?;
+        let joints = system.robot.joint_count();
+        if act.len() != joints {
+            return Err(wrong(format!("act: it has {} torques, and `{}` has {joints} joints", act.len(), system.name)));
+        }
+        if reward.len() == 0 {
+            return Err(wrong("reward: it has no term".into()));
+        }
+        let remembers = [&observe, &act, &reward, &over, &miss, &residuals].iter().any(|part| part.goals() > goal.len());
+        let about = About {
+            name: kept(name),
+            robot: kept(robot),
+            scene: kept(&scene.name),
+            observation: observe.len(),
+            action: actions,
+            steps: keys.steps,
+            frames: keys.frames,
+        };
+        about.check().map_err(wrong)?;
+        Ok(Self { about, system, text: text.into(), goal, place, observe, act, reward, over, miss, residuals, remembers })
+    }
+}
+
+/// Ranges of a goal's numbers, where each command is among them, and whether the first three are a place: `target`, which is shown.
+type Commands = (Vec<[f64; 2]>, Vec<(String, Range<usize>)>, bool);
+
+fn commands(keys: &Keys) -> Commands {
+    let (mut goal, mut places) = (Vec::new(), Vec::new());
+    let target = |name: &String| name == "target";
+    for (name, command) in keys.command.iter().filter(|c| target(c.0)).chain(keys.command.iter().filter(|c| !target(c.0))) {
+        let ranges = command.ranges();
+        places.push((name.clone(), goal.len()..goal.len() + ranges.len()));
+        goal.extend(ranges.iter().map(|range| [range.low, range.high]));
+    }
+    let place = places.first().is_some_and(|(name, at)| target(name) && at.len() == 3);
+    (goal, places, place)
+}
+
+/// Refuses names that mean something else, or nothing that can be written.
+fn names(facts: &Facts, keys: &Keys, commands: &[(String, Range<usize>)]) -> Result<(), String> {
+    let all = commands.iter().map(|c| (&c.0, "command")).chain(keys.lets.keys().map(|name| (name, "let")));
+    for (name, table) in all {
+        let said = format!("{table}.{name}");
+        if syn::parse_str::<syn::Ident>(name).is_err() {
+            return Err(format!("{said}: a name has letters, digits and `_`, and no digit first"));
+        }
+        if ["action", "last_action", "torque"].contains(&name.as_str()) || facts.word(&Tape::default(), name).is_some() {
+            return Err(format!("{said}: there is a word `{name}`; choose another name"));
+        }
+        if table == "let" && keys.command.contains_key(name) {
+            return Err(format!("{said}: there is a command `{name}`; choose another name"));
+        }
+    }
+    Ok(())
+}
+
+/// A text for good, once for all that are the same.
+fn kept(text: &str) -> &'static str {
+    static KEPT: Mutex<Option<HashSet<&'static str>>> = Mutex::new(None);
+    let mut kept = KEPT.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    let kept = kept.get_or_insert_default();
+    if let Some(known) = kept.get(text) {
+        return known;
+    }
+    let text: &'static str = Box::leak(text.into());
+    kept.insert(text);
+    text
+}
+
+impl Formulas for FileTask {
+    fn about(&self) -> About {
+        self.about
+    }
+
+    fn system(&self) -> Result<Arc<System>, SystemError> {
+        Ok(self.system.clone())
+    }
+
+    fn text(&self) -> Option<&str> {
+        Some(&self.text)
+    }
+
+    fn goal(&self) -> &[[f64; 2]] {
+        &self.goal
+    }
+
+    fn place(&self) -> bool {
+        self.place
+    }
+
+    fn remembers(&self) -> bool {
+        self.remembers
+    }
+
+    fn observe<N: Number>(&self, sight: &mut impl Sight<N>, out: &mut [N]) {
+        out.copy_from_slice(&self.observe.run(sight, &[], &[]));
+    }
+
+    fn act<N: Number>(&self, sight: &mut impl Sight<N>, action: &[N], torques: &mut [N]) {
+        torques.copy_from_slice(&self.act.run(sight, action, &[]));
+    }
+
+    fn reward<N: Number>(&self, sight: &mut impl Sight<N>, torques: &[N]) -> N {
+        self.reward.run(sight, &[], torques)[0]
+    }
+
+    fn residuals<N: Number>(&self, sight: &mut impl Sight<N>) -> Vec<N> {
+        self.residuals.run(sight, &[], &[])
+    }
+
+    fn miss<N: Number>(&self, sight: &mut impl Sight<N>) -> Option<N> {
+        self.miss.run(sight, &[], &[]).first().copied()
+    }
+
+    fn over<N: Number>(&self, sight: &mut impl Sight<N>) -> N {
+        self.over.run(sight, &[], &[]).first().copied().unwrap_or(N::from(0.0))
+    }
+}

@@ -1,0 +1,201 @@
+//! What expressions may name: quantities of a robot, by its file.
+
+use nerd_sim::{prelude::*, scene::foot};
+
+use crate::formula::{Leaf, Number, Tape, Traced};
+
+/// What the numbers of a vector are of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Of {
+    Numbers,
+    Joints,
+    Points,
+}
+
+/// Robot and scene, measured in the robot's default pose.
+pub(super) struct Facts {
+    pub system: Arc<System>,
+    pub up: Vector3<f64>,
+    /// Height of the ground (m), and of the root's origin above it where the lowest point stands on it.
+    floor: f64,
+    standing: f64,
+    /// Its longest side (m).
+    size: f64,
+    /// Points of links that stand, and the others.
+    pub feet: Vec<usize>,
+    pub body: Vec<usize>,
+    /// Time of a step (s).
+    step: f64,
+}
+
+/// A link stands whose lowest place is within this share of the standing height of the lowest.
+const STANDS: f64 = 0.05;
+
+impl Facts {
+    pub fn new(system: &Arc<System>, scene: &Scene, step: f64) -> Self {
+        let (robot, state, gravity) = (&system.robot, system.default_state(), system.gravity());
+        let up = gravity.try_normalize(1e-9).map_or(Vector3::z(), |down| -down);
+        let mut data = system.data();
+        kinematics(robot, &state, &mut data);
+        let lows: Vec<f64> = robot.contact_points.iter().map(|point| foot(point, &data, &up)).collect();
+        let low = lows.iter().copied().fold(f64::INFINITY, f64::min);
+        let root = data.origin + data.position.first().copied().unwrap_or_default();
+        let standing = if low.is_finite() { up.dot(&root) - low } else { 0.0 };
+        let stands = |link: usize| {
+            robot.floating() && robot.contact_points.iter().zip(&lows).any(|(p, at)| p.link == link && at - low < STANDS * standing)
+        };
+        let (feet, body) = (0..lows.len()).partition(|k| stands(robot.contact_points[*k].link));
+        let places = robot.contact_points.iter().map(|p| point_position(&data, p.link, &p.local));
+        let all: Vec<_> = places.chain((0..robot.links.len()).map(|link| data.origin + data.position[link])).collect();
+        let side = |k: usize| all.iter().fold([f64::MAX, f64::MIN], |[a, b], p| [a.min(p[k]), b.max(p[k])]);
+        let size = (0..3).map(side).map(|[a, b]| b - a).fold(0.0, f64::max);
+        let plane = scene.colliders.iter().filter_map(|c| c.plane.as_ref()).find(|plane| plane.normal.dot(&up) > 0.99);
+        let floor = plane.map_or(0.0, |plane| plane.offset);
+        Self { system: system.clone(), up, floor, standing, size, feet, body, step }
+    }
+
+    /// Axes of the root by rows of the world's: `[i][j]` is how far its axis j goes along the world's axis i.
+    fn turn<'a>(&self, tape: &'a Tape) -> [[Traced<'a>; 3]; 3] {
+        let [x, y, z, c] = [3, 4, 5, 6].map(|k| state(tape, k));
+        // The state's quaternion need not be of unit length.
+        let (n, one, two) = (x.squared() + y.squared() + z.squared() + c.squared(), Traced::from(1.0), Traced::from(2.0));
+        let along = |a: Traced<'a>, b: Traced<'a>| one - two * (a.squared() + b.squared()) / n;
+        [
+            [along(y, z), two * (x * y - c * z) / n, two * (x * z + c * y) / n],
+            [two * (x * y + c * z) / n, along(x, z), two * (y * z - c * x) / n],
+            [two * (x * z - c * y) / n, two * (y * z + c * x) / n, along(x, y)],
+        ]
+    }
+
+    /// A vector of the world in the root's axes.
+    fn inside<'a>(&self, tape: &'a Tape, v: [Traced<'a>; 3]) -> Vec<Traced<'a>> {
+        let turn = self.turn(tape);
+        (0..3).map(|j| sum((0..3).filter(|i| !none(v[*i])).map(|i| turn[i][j] * v[i]))).collect()
+    }
+
+    /// A word that is no command and no name of the file's own; none if there is no such word. Refused is one of a free root on a fixed base.
+    pub fn word<'a>(&self, tape: &'a Tape, name: &str) -> Option<Result<(Vec<Traced<'a>>, Of), String>> {
+        let (system, robot) = (&self.system, &self.system.robot);
+        let (coords, nq, dofs) = (robot.root_coords(), robot.nq(), robot.root_dofs());
+        let known = |x: f64| (vec![Traced::from(x)], Of::Numbers);
+        let list = |list: Vec<f64>, of: Of| (list.into_iter().map(Traced::from).collect(), of);
+        let joints = |what: &dyn Fn(&nerd_sim::nerd_core::robot::Joint) -> f64| list(robot.joints().map(what).collect(), Of::Joints);
+        let specs = |what: &dyn Fn(&nerd_sim::system::JointSpec) -> f64| list(system.joint_specs().map(what).collect(), Of::Joints);
+        let numbers = |points: &[usize]| list(points.iter().map(|k| *k as f64).collect(), Of::Numbers);
+        let root = |k: std::ops::Range<usize>| (k.map(|k| state(tape, k)).collect::<Vec<_>>(), Of::Numbers);
+        let limit = |upper: bool| {
+            move |joint: &nerd_sim::nerd_core::robot::Joint| match joint.limit {
+                Some(limit) => {
+                    if upper {
+                        limit.upper
+                    } else {
+                        limit.lower
+                    }
+                }
+                None => {
+                    if upper {
+                        1e3
+                    } else {
+                        -1e3
+                    }
+                }
+            }
+        };
+        let found = match name {
+            "q" => ((coords..nq).map(|k| state(tape, k)).collect(), Of::Joints),
+            "qd" => ((dofs..robot.nv()).map(|k| state(tape, nq + k)).collect(), Of::Joints),
+            "rest" => specs(&|joint| joint.default),
+            "kp" => specs(&|joint| joint.kp),
+            "kd" => specs(&|joint| joint.kd),
+            "gain" => specs(&|joint| joint.gain.unwrap_or(joint.torque)),
+            "low" => joints(&limit(false)),
+            "high" => joints(&limit(true)),
+            "gap" => {
+                let gap = |k: usize| tape.leaf(Leaf::Distance(k), f64::NAN) - Traced::from(robot.contact_points[k].radius);
+                ((0..robot.contact_points.len()).map(gap).collect(), Of::Points)
+            }
+            "radius" => list(robot.contact_points.iter().map(|p| p.radius).collect(), Of::Points),
+            "feet" => numbers(&self.feet),
+            "body" => numbers(&self.body),
+            "mass" => known(robot.mass()),
+            "weight" => known(robot.mass() * system.gravity().norm()),
+            "size" => known(self.size),
+            "standing" => known(self.standing),
+            "step" => known(self.step),
+            "pi" => known(std::f64::consts::PI),
+            "deg" => known(std::f64::consts::PI / 180.0),
+            "position" | "quaternion" | "twist" | "height" | "up" | "forward" | "velocity" | "spin" | "world_velocity" | "world_spin"
+                if !robot.floating() =>
+            {
+                return Some(Err(format!("`{name}` is of a free root, and the base of `{}` is fixed", system.name)));
+            }
+            "position" => root(0..3),
+            "quaternion" => root(3..7),
+            "twist" => root(nq..nq + 6),
+            "world_spin" => root(nq..nq + 3),
+            "world_velocity" => (world_velocity(tape, nq).to_vec(), Of::Numbers),
+            "velocity" => (self.inside(tape, world_velocity(tape, nq)), Of::Numbers),
+            "spin" => (self.inside(tape, [0, 1, 2].map(|k| state(tape, nq + k))), Of::Numbers),
+            "up" => (self.inside(tape, [0, 1, 2].map(|k| Traced::from(self.up[k]))), Of::Numbers),
+            "forward" => (self.turn(tape).map(|row| row[0]).to_vec(), Of::Numbers),
+            "height" => {
+                let along = (0..3).filter(|k| self.up[*k] != 0.0).map(|k| Traced::from(self.up[k]) * state(tape, k));
+                let height = sum(along);
+                (vec![if self.floor == 0.0 { height } else { height - Traced::from(self.floor) }], Of::Numbers)
+            }
+            _ => return None,
+        };
+        Some(Ok(found))
+    }
+
+    /// Words that there are, beside those of parts of a file.
+    pub const WORDS: &str = "q, qd, rest, low, high, kp, kd, gain, position, quaternion, twist, height, up, forward, velocity, spin, \
+                             world_velocity, world_spin, gap, radius, feet, body, mass, weight, size, standing, step, pi, deg, action, \
+                             last_action, torque";
+
+    /// Where a link or a frame on one is: the link, and the place in its axes.
+    pub fn frame(&self, name: &str) -> Option<(usize, Vector3<f64>, Matrix3<f64>)> {
+        let robot = &self.system.robot;
+        let fixed = || robot.frames.iter().find(|frame| frame.name == name).and_then(|f| Some((f.link?, f.pose)));
+        let link = robot.link(name).ok().map(|link| (link, Vector3::zeros(), Matrix3::identity()));
+        link.or_else(|| fixed().map(|(link, pose)| (link, pose.translation.vector, pose.rotation.to_rotation_matrix().into_inner())))
+    }
+
+    /// A joint's number among all, or those of a link's points.
+    pub fn named(&self, name: &str, of: Of) -> Result<Vec<usize>, String> {
+        let robot = &self.system.robot;
+        let (found, what, known): (Vec<usize>, _, Vec<_>) = match of {
+            Of::Joints => {
+                let known = robot.joints().map(|joint| joint.name.as_str()).collect::<Vec<_>>();
+                ((0..known.len()).filter(|k| known[*k] == name).collect(), "joint", known)
+            }
+            Of::Points => {
+                let on = |k: &usize| robot.links[robot.contact_points[*k].link].name == name;
+                let known = robot.links.iter().map(|link| link.name.as_str()).collect();
+                ((0..robot.contact_points.len()).filter(on).collect(), "link with contact points", known)
+            }
+            Of::Numbers => return Err(format!("\"{name}\": numbers of joints and of contact points have names, these have not")),
+        };
+        let listed = || known.iter().take(40).copied().collect::<Vec<_>>().join(", ");
+        if found.is_empty() { Err(format!("no {what} `{name}`: choose from {}", listed())) } else { Ok(found) }
+    }
+}
+
+/// Of the root's origin: the linear part of its twist is about the world's origin.
+fn world_velocity(tape: &Tape, nq: usize) -> [Traced<'_>; 3] {
+    let (p, [w, v]) = ([0, 1, 2].map(|k| state(tape, k)), [0, 3].map(|at| [0, 1, 2].map(|k| state(tape, nq + at + k))));
+    let cross = |i: usize| w[(i + 1) % 3] * p[(i + 2) % 3] - w[(i + 2) % 3] * p[(i + 1) % 3];
+    [0, 1, 2].map(|i| v[i] + cross(i))
+}
+
+fn state(tape: &Tape, k: usize) -> Traced<'_> {
+    tape.leaf(Leaf::State(k), f64::NAN)
+}
+
+fn none(x: Traced) -> bool {
+    matches!(x, Traced::Number(0.0))
+}
+
+pub(super) fn sum<'a>(all: impl Iterator<Item = Traced<'a>>) -> Traced<'a> {
+    all.reduce(|a, b| a + b).unwrap_or(Traced::from(0.0))
+}

@@ -1,0 +1,128 @@
+//! Tasks from files: what they say beside what Rust said before them, what is refused, and that no text brings one down.
+
+use nerd_sim::prelude::*;
+use nerd_tasks::{FileTask, Task, View, Work, named};
+
+use crate::some;
+
+const STATES: usize = 200;
+
+/// Observation, torques, reward, miss and end of a task in a state.
+fn said(task: &dyn Task, work: &mut Work, scene: &Scene, k: usize) -> [Vec<f64>; 4] {
+    let system = work.system.clone();
+    let mut state = task.reset(&system, &mut stream(1, k as u64));
+    state.iter_mut().zip(some(system.robot.state_dim(), k, 0.5)).for_each(|(x, y)| *x += y);
+    let mut goal = vec![0.0; task.goal_dim()];
+    task.draw_goal(&mut stream(2, k as u64), &mut goal);
+    let view = View { state: &state, goal: &goal, scene };
+    let (mut seen, mut torques) = (vec![0.0; task.observation_dim()], vec![0.0; system.robot.joint_count()]);
+    task.observe(view, work, &mut seen);
+    task.act(view, &some(task.action_dim(), k, 1.2), work, &mut torques);
+    let judged =
+        vec![task.reward(view, &torques, work), task.miss(view, work).unwrap_or(-1.0), f64::from(u8::from(task.terminated(view, work)))];
+    let residuals = task.slopes().map_or_else(Vec::new, |slopes| slopes.residuals(view, work));
+    [seen, torques, judged, residuals]
+}
+
+/// Sums of observations, of torques, of reward, miss and end, and of residuals over [`STATES`] states, as the tasks gave them while they were
+/// written in Rust. The files gave the very same numbers beside them.
+const IN_RUST: [(&str, [f64; 4]); 9] = [
+    ("cartpole-swingup", [11.294364767008492, 2591.9722545670847, 3752.4535172325836, -24.60930257599581]),
+    ("franka-reach", [318.00063502467793, 15.38650322112247, 3656.832115863449, -202.37712694140603]),
+    ("franka-reach-torque", [318.00063502467793, 9.855598017402272, 3656.832115863449, -202.37712694140603]),
+    ("ant-run", [1016.1294828264802, 200.496420517001, -114.89669919991694, 0.0]),
+    ("ant-spin", [1016.1294828264802, 200.496420517001, -197.28067126826738, 0.0]),
+    ("ant-spin-track", [1016.1294828264802, 200.496420517001, -381.2851051517133, 0.0]),
+    ("ant-point", [974.6951287665278, 200.496420517001, 2924.8071661388562, 824.8992103821788]),
+    ("anymal-forward", [1014.1103633991313, -1188.5124946601768, 119.89946701926304, 0.0]),
+    ("anymal-side", [1014.1103633991313, -1188.5124946601768, 95.953363317151, 0.0]),
+];
+
+#[test]
+fn files_say_what_rust_said() {
+    for (name, expected) in IN_RUST {
+        let task = named(name).expect("registered");
+        let system = task.system().expect("built in");
+        let (mut work, scene, mut sums) = (Work::new(&system), system.scene(task.scene()).expect("a scene"), [0.0; 4]);
+        for k in 0..STATES {
+            for (sum, part) in sums.iter_mut().zip(said(&*task, &mut work, &scene, k)) {
+                *sum += part.iter().enumerate().map(|(j, x)| x * (1.0 + (j + k) as f64 * 0.01)).sum::<f64>();
+            }
+        }
+        let off = sums.iter().zip(expected).map(|(a, b)| (a - b).abs() / (1.0 + b.abs())).fold(0.0, f64::max);
+        assert!(off < 1e-12, "{name}: {sums:?}, {off:.1e} off");
+    }
+}
+
+/// What is refused, with key and column.
+#[test]
+fn what_is_wrong_with_a_file_is_said_with_its_place() {
+    let text = |change: (&str, &str)| {
+        let text = include_str!("../../assets/walk.toml");
+        assert!(text.contains(change.0), "{change:?}");
+        text.replace(change.0, change.1)
+    };
+    let cases = [
+        (("\"up\"", "\"upp\""), "observation.1, column 1: no word `upp`: choose from ahead, aside, turn, asked, "),
+        (("\"q - rest\"", "\"q - 2 * velocity\""), "observation.3, column 5: 12 numbers with 3: as many are needed, or one"),
+        (("exp(-4 * slip)", "exp(-4 * slip"), "reward.follows, column "),
+        (("exp(-4 * slip)", "pow(slip, 2)"), "reward.follows, column 14: no function `pow`: choose from exp, "),
+        (("step * exp(-4 * slip)", "q"), "reward.follows: one number is needed, and this has 12; write sum(..) or mean(..)"),
+        (("height < 0.4 * standing", "torque[0] < 1"), "over, column 16: `torque` is known in the reward alone"),
+        (("gap[body]", "gap[\\\"wing\\\"]"), "over, column 54: no link with contact points `wing`: choose from "),
+        (("lean = ", "lean = \"lean\"\n#"), "let.lean, column 1: `lean` speaks of itself"),
+        (("ahead = ", "mass = "), "command.mass: there is a word `mass`; choose another name"),
+        (("frames = 4", "frames = 0"), "its `about` has frames: 0; at least 1 is needed"),
+        (("frames = 4", "frame = 4"), "unknown field `frame`"),
+        (("\"U(-1, 1)\"       #", "1 #"), "a range \"U(low, high)\" is needed, or a list of them"),
+    ];
+    let mut wrong = Vec::new();
+    for (change, expected) in cases {
+        let said = FileTask::new("my.toml", &text(change), Some("anymal")).err().map(|e| e.to_string()).unwrap_or_default();
+        if !(said.starts_with("task `my.toml`: ") && said.contains(expected) && !said.contains('\n')) {
+            wrong.push(format!("{change:?}: {said}"));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    let said = |name: &str| named(name).err().map(|e| e.to_string()).unwrap_or_default();
+    assert!(said("walk").contains("name one with --robot"), "{}", said("walk"));
+    assert!(said("walk@cartpole").contains("the base of `cartpole` is fixed"), "{}", said("walk@cartpole"));
+    assert!(said("ant-run@ant").contains("leave `@ant` out"), "{}", said("ant-run@ant"));
+    assert!(said("no/such.toml").contains("no/such.toml"), "{}", said("no/such.toml"));
+}
+
+/// Mutants of a file: letters that were changed, left out, doubled; each is read or refused.
+#[test]
+fn no_text_brings_a_task_down() {
+    let whole = include_str!("../../assets/walk.toml");
+    let letters: Vec<char> = whole.chars().collect();
+    let mut read = 0;
+    for k in 0..300usize {
+        let (at, odd) = (k * 7919 % letters.len(), "()[]{}.\"'-+*/<>&|!,0123456789eqx\\#\n");
+        let mut text = letters.clone();
+        match k % 3 {
+            0 => text[at] = odd.chars().nth(k % odd.len()).unwrap_or(' '),
+            1 => _ = text.remove(at),
+            _ => text.extend_from_within(at..(at + 40).min(letters.len())),
+        }
+        let text: String = text.into_iter().collect();
+        read += usize::from(FileTask::new("mutant", &text, Some("ant")).is_ok());
+    }
+    assert!(read > 30 && read < 270, "{read} of 300 were read");
+    // What no parser bears.
+    for deep in [
+        "(".repeat(1500),
+        "-".repeat(1500),
+        "1+".repeat(900),
+        "return ".repeat(250),
+        "!".repeat(40) + "1",
+        "[q".to_string() + &",q".repeat(900),
+    ] {
+        let text = whole.replace("step * exp(-4 * slip)", &deep);
+        assert!(FileTask::new("deep", &text, Some("ant")).is_err(), "{deep}");
+    }
+    let twice = (0..40).map(|k| format!("a{} = \"[a{k}, a{k}]\"\n", k + 1)).collect::<String>();
+    let text = whole.replace("[let]", &format!("[let]\na0 = \"q\"\n{twice}")).replace("step * exp(-4 * slip)", "sum(a40)");
+    let said = FileTask::new("twice", &text, Some("ant")).err().map(|e| e.to_string()).unwrap_or_default();
+    assert!(said.contains("are borne"), "{said}");
+}
