@@ -1,5 +1,6 @@
 //! Tables whose columns are found by name, in any order: CSV files, or arrays. Errors name file, row and column.
 
+use std::io::{BufRead, BufReader, Read};
 use std::{collections::HashSet, fmt, fs::File, hash::Hash};
 
 use csv::StringRecord;
@@ -8,6 +9,8 @@ use crate::{arrays::Arrays, internal::*};
 
 /// How far a quaternion's length may be from 1: digits are cut in files.
 const UNIT: f64 = 1e-3;
+/// Bytes of a first line that are looked at.
+const LINE: u64 = 1 << 20;
 
 pub(crate) struct Table {
     path: PathBuf,
@@ -30,9 +33,13 @@ impl Table {
         Ok(Self { path: path.into(), names, source })
     }
 
-    /// A CSV.
+    /// A CSV, whose first line tells what is between columns: commas, else semicolons or tabs.
     pub fn open(path: &Path) -> Result<Self, FileError> {
-        let mut reader = csv::Reader::from_path(path).map_err(|e| FileError::new(path, format!("cannot read it: {e}")))?;
+        let cannot = |e: &dyn fmt::Display| FileError::new(path, format!("cannot read it: {e}"));
+        let mut first = Vec::new();
+        BufReader::new(File::open(path).map_err(|e| cannot(&e))?).take(LINE).read_until(b'\n', &mut first).map_err(|e| cannot(&e))?;
+        let between = [b',', b';', b'\t'].into_iter().find(|byte| first.contains(byte)).unwrap_or(b',');
+        let mut reader = csv::ReaderBuilder::new().delimiter(between).from_path(path).map_err(|e| cannot(&e))?;
         let header = reader.headers().map_err(|e| FileError::new(path, e))?;
         let names = header.iter().map(|name| name.trim().to_string()).collect();
         Ok(Self { path: path.into(), names, source: Source::Csv(reader) })

@@ -5,11 +5,14 @@ use super::read::{Moment, Raw};
 use super::spec::{Axes, LogSpec, Order};
 use super::tidy::rate;
 use crate::internal::*;
+use crate::table::Place;
 
 /// Rates that are off by more than this share are not those of the poses.
 const OFF: f64 = 0.5;
 /// Rates that change by no more than this share from one row to the next are steady.
 const STEADY: f64 = 0.3;
+/// Rates that are off by more than this share are noted.
+const NOISY: f64 = 0.15;
 /// A share by which rates or free fall are off that is worth a line.
 const ODD: f64 = 0.01;
 /// Of so many rows all are asked for their rates.
@@ -62,8 +65,8 @@ fn misfit(rates: impl Iterator<Item = (Vector3<f64>, [Vector3<f64>; 2])>) -> Opt
     Some([median(&mut off)? / size, product / square])
 }
 
-/// Refuses rates that the poses contradict, and says what would explain them.
-pub(super) fn rates(csv: &Path, spec: &LogSpec, system: &System, raw: &[Raw]) -> Result<(), LogError> {
+/// Refuses rates that the poses contradict, and says what would explain them; what is off by less is noted.
+pub(super) fn rates(csv: &Path, spec: &LogSpec, system: &System, raw: &[Raw], notes: &mut Vec<String>) -> Result<(), LogError> {
     let seconds = |a: &Moment, b: &Moment| b.time - a.time;
     // Of so many columns from one on: the rates of the poses, and those that were measured.
     let columns = |from: usize, many: usize| {
@@ -72,7 +75,7 @@ pub(super) fn rates(csv: &Path, spec: &LogSpec, system: &System, raw: &[Raw]) ->
     };
     if let Some(root) = &spec.root {
         if let (Some(names), Some([off, factor])) = (&root.velocity, columns(3, 3)) {
-            refuse(csv, &names.join(", "), off, factor, None)?;
+            refuse(csv, &names.join(", "), off, factor, None, notes)?;
         }
         let angular = |order: Order, axes: Axes| {
             misfit(pairs(raw).map(|(a, b)| {
@@ -95,14 +98,14 @@ pub(super) fn rates(csv: &Path, spec: &LogSpec, system: &System, raw: &[Raw]) ->
                 format!("with order = \"{}\" and axes = \"{}\" they are {:.0} % off", word(&order), word(&axes), 100.0 * other)
             });
             let columns = format!("{} and {}", root.quaternion.join(", "), names.join(", "));
-            refuse(csv, &columns, off, factor, words)?;
+            refuse(csv, &columns, off, factor, words, notes)?;
         }
     }
     let first = system.robot.joint_count();
     for (k, joint) in system.robot.joints().enumerate() {
         let column = spec.joints.iter().find(|j| j.name == joint.name).and_then(|j| j.velocity.as_ref());
         if let (Some(column), Some([off, factor])) = (column, columns(system.robot.nv() - first + k, 1)) {
-            refuse(csv, column, off, factor, None)?;
+            refuse(csv, column, off, factor, None, notes)?;
         }
     }
     Ok(())
@@ -116,14 +119,38 @@ fn as_if(q: &[f64], stated: Order, order: Order) -> UnitQuaternion<f64> {
     })
 }
 
-fn refuse(csv: &Path, columns: &str, off: f64, factor: f64, better: Option<String>) -> Result<(), LogError> {
+fn refuse(csv: &Path, columns: &str, off: f64, factor: f64, better: Option<String>, notes: &mut Vec<String>) -> Result<(), LogError> {
+    let words = format!("columns {columns}: rates are {:.0} % off those that the poses have", 100.0 * off);
     let advice = match (better, unit(factor)) {
         (Some(better), _) => better,
         (None, Some(unit)) => format!("{unit} would explain it"),
-        (None, None) if off < OFF => return Ok(()),
+        (None, None) if off < OFF => {
+            notes.extend((off > NOISY).then(|| format!("{words}; times {factor:.3} they fit best")));
+            return Ok(());
+        }
         (None, None) => format!("rates times {factor:.3} fit best"),
     };
-    Err(bad(csv, format!("columns {columns}: rates are {:.0} % off those that the poses have; {advice}", 100.0 * off)))
+    Err(bad(csv, format!("{words}; {advice}")))
+}
+
+/// Notes a coordinate that moves in one row by a thousand times what it does in ninety-nine of a hundred: a glitch of a sensor, or of a file.
+pub(super) fn jumps(spec: &LogSpec, system: &System, raw: &[Raw], notes: &mut Vec<String>) {
+    let root = spec.root.iter().flat_map(|root| root.position.iter().enumerate());
+    let joint = |name: &String| spec.joints.iter().find(|j| j.name == *name).map(|j| &j.position);
+    let first = system.robot.root_coords();
+    let joints = system.robot.joints().enumerate().filter_map(|(k, j)| Some((first + k, joint(&j.name)?)));
+    for (k, column) in root.chain(joints) {
+        let rows = raw.iter().flat_map(|r| r.moments.windows(2));
+        let mut moved: Vec<(f64, Place)> = rows.map(|pair| ((pair[1].q[k] - pair[0].q[k]).abs(), pair[1].place)).collect();
+        moved.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let Some((most, place)) = moved.last() else { continue };
+        let usual = moved[(moved.len() * 99 / 100).saturating_sub(1)].0;
+        if usual > 0.0 && *most > 1e3 * usual {
+            notes.push(format!(
+                "{place}, column `{column}`: it moves by {most:.3e} there, in 99 of 100 rows by {usual:.1e} at most; is it a glitch?"
+            ));
+        }
+    }
 }
 
 /// What free fall says of lengths and time; an error where only a wrong unit explains it. Frames before a release are taken

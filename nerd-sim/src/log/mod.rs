@@ -33,7 +33,8 @@ impl Log {
         let scene_name = spec.scene.clone().unwrap_or_else(|| if system.scene("ground").is_ok() { "ground" } else { "free" }.into());
         let scene = system.scene(&scene_name)?;
         let (mut raw, mut notes) = (read::rows(&csv, &spec, &system)?, Vec::new());
-        check::rates(&csv, &spec, &system, &raw)?;
+        check::rates(&csv, &spec, &system, &raw, &mut notes)?;
+        check::jumps(&spec, &system, &raw, &mut notes);
         let told = |name: &str| spec.joints.iter().any(|joint| joint.name == name && joint.torque.is_some());
         let driven = system.robot.joints().zip(system.torque_amplitudes()).filter(|(joint, most)| *most > 0.0 && !told(&joint.name));
         let driven: Vec<String> = driven.map(|(joint, _)| format!("`{}`", joint.name)).collect();

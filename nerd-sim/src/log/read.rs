@@ -158,6 +158,9 @@ pub(super) fn rows(csv: &Path, spec: &LogSpec, system: &System) -> Result<Vec<Ra
     let mut next = 0;
     for csv in &tables(csv)? {
         let own = of_table(csv, next, spec, system)?;
+        if own.is_empty() {
+            return Err(bad(csv, "no rows".into()));
+        }
         next += own.len().max(1) as u64;
         if let Some(id) = own.keys().find(|id| all.contains_key(*id)) {
             return Err(bad(csv, format!("trajectory {id} is in another table, too; leave `trajectory` out if each table is one")));
@@ -169,9 +172,6 @@ pub(super) fn rows(csv: &Path, spec: &LogSpec, system: &System) -> Result<Vec<Ra
             return Err(bad(csv, format!("no trajectory {id}, which `only` names")));
         }
         all.retain(|id, _| only.contains(id));
-    }
-    if all.is_empty() {
-        return Err(bad(csv, "no rows".into()));
     }
     Ok(all.into_values().collect())
 }

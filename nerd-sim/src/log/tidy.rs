@@ -8,8 +8,9 @@ use crate::internal::*;
 
 /// A step that is this many times the usual one is a gap.
 const GAP: f64 = 1.5;
-/// Share of a frame by which a row may be early or late.
+/// Share of a frame by which a row may be early or late; or by half of their last digit, if that is no more than the second.
 const JITTER: f64 = 0.01;
+const ROUNDED: f64 = 0.05;
 /// Numbers of two copies differ by no more: digits are cut in files.
 const SAME: f64 = 1e-4;
 
@@ -18,6 +19,12 @@ pub(super) fn step(moments: &[Moment]) -> f64 {
     let mut steps: Vec<f64> = moments.windows(2).map(|pair| pair[1].time - pair[0].time).collect();
     steps.sort_by(f64::total_cmp);
     steps.get(steps.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+/// Half of the last decimal digit that times are written with (s), down to a microsecond.
+fn rounding(moments: &[Moment]) -> f64 {
+    let whole = |digit: f64| moments.iter().all(|m| (m.time / digit - (m.time / digit).round()).abs() < 1e-3);
+    [1e-1, 1e-2, 1e-3, 1e-4, 1e-5].into_iter().find(|digit| whole(*digit)).unwrap_or(0.0) / 2.0
 }
 
 /// Leaves out what is another trajectory turned about the vertical and shifted on the ground: it would count twice, and sit on
@@ -149,13 +156,14 @@ fn between(robot: &Robot, a: &Moment, b: &Moment, time: f64) -> Moment {
 /// One state a frame.
 pub(super) fn states(system: &System, raw: Vec<Raw>, notes: &mut Vec<String>) -> Vec<Trajectory> {
     let (robot, frame) = (&system.robot, system.frame_time);
-    let (mut differences, mut resampled, total) = (0, 0, raw.len());
+    let (mut differences, mut resampled, total) = (0, Vec::new(), raw.len());
     let all = raw.into_iter().map(|Raw { id, mut moments }| {
         differences += usize::from(differentiate(system, &mut moments));
         let start = moments[0].time;
-        let on_time = |(k, m): (usize, &Moment)| (m.time - start - k as f64 * frame).abs() <= JITTER * frame;
+        let early = Some(rounding(&moments)).filter(|half| *half <= ROUNDED * frame).map_or(0.0, |half| 2.001 * half).max(JITTER * frame);
+        let on_time = |(k, m): (usize, &Moment)| (m.time - start - k as f64 * frame).abs() <= early;
         if !moments.iter().enumerate().all(on_time) {
-            resampled += 1;
+            resampled.push(step(&moments));
             let frames = ((moments[moments.len() - 1].time - start) / frame + JITTER) as usize;
             let mut at = 0;
             let even = (0..=frames).map(|k| {
@@ -183,8 +191,15 @@ pub(super) fn states(system: &System, raw: Vec<Raw>, notes: &mut Vec<String>) ->
     if differences > 0 {
         notes.push(format!("velocities that no column holds are central differences of the poses, in {differences} trajectories"));
     }
-    if resampled > 0 {
-        notes.push(format!("{resampled} of {total} trajectories have another rate than {:.1} Hz, and are resampled", 1.0 / frame));
+    resampled.sort_by(f64::total_cmp);
+    if let Some(usual) = resampled.get(resampled.len() / 2) {
+        let (count, own, theirs) = (resampled.len(), 1.0 / frame, 1.0 / usual);
+        let keep = if (own / theirs - 1.0).abs() > ROUNDED {
+            format!("; `frame_time = {usual:.6}` of the robot keeps them")
+        } else {
+            String::new()
+        };
+        notes.push(format!("{count} of {total} trajectories have {theirs:.1} Hz and the robot {own:.1}: they are resampled{keep}"));
     }
     all
 }

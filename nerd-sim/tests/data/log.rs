@@ -65,6 +65,43 @@ fn a_turned_copy_is_left_out_and_a_hand_lets_go() {
     assert!((54..=66).contains(&left), "{left} frames are left of 80, 60 of them free");
 }
 
+/// Times to the millisecond, semicolons, rates a third too large, a glitch, a file that ended before it began.
+#[test]
+fn what_is_odd_is_read_and_said() {
+    let all = tosses(&cube(), 3, 60);
+    let good = text(&all);
+    let cells = |f: &dyn Fn(usize, &mut Vec<f64>)| {
+        let (head, rows) = good.split_once('\n').expect("a head");
+        let row = |(k, line): (usize, &str)| {
+            let mut x: Vec<f64> = line.split(',').map(|c| c.parse().expect("a number")).collect();
+            f(k, &mut x);
+            x.iter().map(f64::to_string).collect::<Vec<_>>().join(",")
+        };
+        [vec![head.to_string()], rows.lines().enumerate().map(row).collect()].concat().join("\n")
+    };
+    let spun = |k: f64| cells(&|_, x| x[12..15].iter_mut().for_each(|w| *w *= k));
+    let cases: [(&str, String, Option<&[&str]>); 4] = [
+        ("times to four digits", cells(&|_, x| x[1] = (1e4 * x[1]).round() / 1e4), None),
+        ("semicolons", good.replace(',', ";"), None),
+        ("rates a third too large", spun(4.0 / 3.0), Some(&["wx, wy, wz", "times 0.7"])),
+        ("a glitch", cells(&|k, x| x[2] += if k == 20 { 1e4 } else { 0.0 }), Some(&["line 23, column `px`", "glitch"])),
+    ];
+    for (what, rows, words) in cases {
+        let log = read(&rows, if what == "a glitch" { bare() } else { header().into() }.as_str());
+        let (states, notes) = (log.trajectories[0].states.len(), log.notes.join("; "));
+        assert_eq!(states, 60, "{what}: {notes}");
+        match words {
+            None => assert!(notes.is_empty(), "{what}: {notes}"),
+            Some(words) => assert!(words.iter().all(|word| notes.contains(word)), "{what}: `{notes}` does not say {words:?}"),
+        }
+    }
+    let quick = read(&cells(&|_, x| x[1] *= 0.9), &bare());
+    let (own, notes) = (quick.system.frame_time, quick.notes.join("; "));
+    assert!(notes.contains(&format!("`frame_time = {:.6}`", 0.9 * own)), "{notes}");
+    let empty = line(Log::read(&folder(good.lines().next().expect("a head"), header()).path().join("cube.log.toml"), None));
+    assert!(empty.contains("cube.csv") && empty.contains("no rows"), "{empty}");
+}
+
 /// Lines that say what and where, and what would be right.
 #[test]
 fn what_cannot_be_right_is_refused() {

@@ -128,6 +128,10 @@ impl RunConfig {
         let rolled = !chain && self.unrolled().is_some();
         let (residual, usual) = (self.variant.usual() && self.history == 1 && !self.stream, Self::default());
         let wrong = [
+            (
+                self.robot.is_empty() && !log && !recorded,
+                "--robot is needed, or for recorded motion the TOML that describes it, or its folder with a log.toml, as --data",
+            ),
             (self.robot.is_empty() && !log, "--robot is needed: see `cargo xtask train --help`"),
             (!self.robot.is_empty() && log, "--robot: the log of --data names it; leave it out"),
             (self.record.truth.is_some() && log, "--truth: recorded motion is the truth; leave it out"),

@@ -32,7 +32,7 @@ impl Verdict {
             }
             _ if model.diverged > 0 => format!("use the solver: {} rollouts of the model diverged", model.diverged),
             _ if [Some(base), hold.as_ref(), Some(linear)].into_iter().flatten().any(|row| row.mean() <= model.mean()) => {
-                "use the solver: the network adds nothing".into()
+                "use the solver: what has learned nothing, or a linear map, errs no more than the network".into()
             }
             _ if self.shortfall().is_some() => "use the solver: the network adds too little".into(),
             Some(row) => {
