@@ -3,6 +3,7 @@
 //! and on a GPU and have slopes. `docs/tasks.md` has keys and words.
 
 mod expression;
+mod functions;
 mod keys;
 mod program;
 mod task;

@@ -97,7 +97,7 @@ fn an_environment_that_cannot_be_stepped_ends_its_episode_alone() {
 fn fast_starts_are_faster_than_resets_and_end_no_episode() {
     for name in names() {
         let task = named(name).expect("registered");
-        let system = System::named(task.robot()).expect("built in");
+        let system = task.system().expect("built in");
         let (scene, goal) = (system.scene(task.scene()).expect("known"), vec![0.0; task.goal_dim()]);
         let (nq, mut work) = (system.robot.nq(), Work::new(&system));
         let speed = |state: &[f64]| state[nq..].iter().map(|v| v * v).sum::<f64>().sqrt();

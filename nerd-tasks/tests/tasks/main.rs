@@ -13,7 +13,12 @@ mod steps;
 
 use nerd_sim::articulated::device::{Reach, record};
 use nerd_sim::{prelude::*, system::Source};
-use nerd_tasks::{Episodes, named};
+use nerd_tasks::{Episodes, named, names};
+
+/// Built-in tasks, and one for any robot that remembers its actions.
+fn every() -> Vec<&'static str> {
+    names().into_iter().chain(["walk@anymal"]).collect()
+}
 
 fn solver(which: &str, system: &System) -> Box<dyn Solver> {
     match which {
@@ -26,7 +31,7 @@ fn solver(which: &str, system: &System) -> Box<dyn Solver> {
 
 fn episodes(name: &str, which: &str, n: usize) -> Episodes {
     let task = named(name).expect("registered");
-    let system = System::named(task.robot()).expect("built in");
+    let system = task.system().expect("built in");
     let scene = system.scene(task.scene()).expect("a scene of the robot");
     let solver = solver(which, &system);
     Episodes::new(task, Simulation::new(Batch::new(&system, &scene, n), solver), 7)

@@ -3,10 +3,10 @@
 use nerd_core::tangent::moved;
 use nerd_sim::{articulated::device::Reach, prelude::*};
 use nerd_tasks::formula::{Formulas, Number, Sight};
-use nerd_tasks::{About, Task, View, Work, named, names};
+use nerd_tasks::{About, Task, View, Work, named};
 
 use crate::cpp::Compiler;
-use crate::{actions, apart, doubles, episodes, recorded, some};
+use crate::{actions, apart, doubles, episodes, every, recorded, some};
 
 const N: usize = 12;
 
@@ -99,7 +99,7 @@ fn one_and<N: Number>(x: N) -> N {
 #[test]
 fn slopes_of_every_task_are_those_of_differences_and_of_kernels() {
     let (compiler, mut count) = (Compiler::find(), 0);
-    let built_in = names().into_iter().map(|name| (name, named(name).expect("registered")));
+    let built_in = every().into_iter().map(|name| (name, named(name).expect("registered")));
     for (name, task) in built_in.chain([("ant-run", Box::new(Near) as Box<dyn Task>)]) {
         if task.slopes().is_none() {
             assert_eq!(name, "lead-tip", "without slopes");
@@ -151,5 +151,5 @@ fn slopes_of_every_task_are_those_of_differences_and_of_kernels() {
         println!("{name}: kernels {off:.1e} off");
         assert!(off < 1e-12, "{name}: kernels {off:.1e} off");
     }
-    assert_eq!(count, 10, "tasks with slopes");
+    assert_eq!(count, 11, "tasks with slopes");
 }

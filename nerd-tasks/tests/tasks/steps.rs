@@ -2,10 +2,10 @@
 //! the CPU.
 
 use nerd_sim::{articulated::device::Reach, prelude::*};
-use nerd_tasks::{Trace, View, Work, named, names};
+use nerd_tasks::{Trace, View, Work, named};
 
 use crate::cpp::Compiler;
-use crate::{actions, apart, doubles, episodes, recorded, some};
+use crate::{actions, apart, doubles, episodes, every, recorded, some};
 
 const N: usize = 8;
 const HORIZON: usize = 3;
@@ -120,7 +120,7 @@ fn on_cpu(task: &dyn nerd_tasks::Task, scene: &Scene, work: &mut Work, trace: &T
 #[test]
 fn steps_are_gone_back_over_in_kernels_as_on_the_cpu() {
     let Some(compiler) = Compiler::find() else { return };
-    for name in names().into_iter().filter(|name| named(name).expect("registered").slopes().is_some()) {
+    for name in every().into_iter().filter(|name| named(name).expect("registered").slopes().is_some()) {
         let mut played = episodes(name, "articulated", N);
         let (system, task) = (played.simulation.batch.system.clone(), named(name).expect("registered"));
         let (d, joints, wide) = (system.robot.state_dim(), system.robot.joint_count(), 2 * system.robot.nv());

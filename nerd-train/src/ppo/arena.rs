@@ -144,7 +144,8 @@ impl Arena {
         }
         match recipe {
             Some("small") => PpoConfig::small(task),
-            None if self.dear() => PpoConfig::small(task),
+            // Tasks of a file's own have no run of the paper's to be like.
+            None if self.dear() || !(self.on_gpu() || nerd_tasks::names().contains(&task)) => PpoConfig::small(task),
             _ => PpoConfig::of(task),
         }
     }

@@ -11,11 +11,14 @@ const POINTS: usize = 100;
 pub fn export(out: &Path, solver: &str, identity: &str, trainer: &Trainer) -> Result<()> {
     let task = &*trainer.episodes.task;
     let spent = Session::all(out)?.last().map(|s| s.spent.clone()).unwrap_or_default();
-    let (provenance, table) = rows(out, trainer.seed, vec![("spent", spent), ("learned in", identity.into())])?;
+    let mut about = vec![("spent", spent), ("learned in", identity.into())];
+    if folder::own(task).is_some() {
+        about.push((folder::ROBOT, task.system()?.sha256()));
+    }
+    let (provenance, table) = rows(out, trainer.seed, about)?;
     let (policy, reward) = trainer.best();
     let (shape, ppo, iterations) = (policy.shape.clone(), trainer.config.clone(), trainer.state.iteration);
-    let (name, robot_sha256) = (task.name().into(), folder::own(task).map(|_| task.system()).transpose()?.map(|system| system.sha256()));
-    let config = PolicyConfig { task: name, robot_sha256, solver: solver.into(), shape, ppo, iterations, reward, provenance };
+    let config = PolicyConfig { task: task.name().into(), solver: solver.into(), shape, ppo, iterations, reward, provenance };
     let to = out.join("policy");
     if let Some(text) = folder::own(task) {
         let path = to.join(folder::TASK);

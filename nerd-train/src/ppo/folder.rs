@@ -9,6 +9,8 @@ use nerd_model::transformer::TensorSpec;
 
 use super::*;
 
+/// In its provenance, of a task from a file: [`System::sha256`] of its robot.
+pub(super) const ROBOT: &str = "robot";
 /// The text of its task.
 pub(super) const TASK: &str = "task.toml";
 
@@ -18,9 +20,6 @@ pub(super) const TASK: &str = "task.toml";
 pub struct PolicyConfig {
     /// Task.
     pub task: String,
-    /// Of a task from a file, [`System::sha256`] of its robot.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub robot_sha256: Option<String>,
     /// What the policy was trained in.
     pub solver: String,
     /// Shape of the network.
@@ -62,7 +61,7 @@ pub fn load(folder: &Path) -> Result<(PolicyConfig, Policy)> {
         config.task = format!("{}{robot}", own.display());
     }
     let task = named(&config.task).map_err(Error::file(&path))?;
-    if let Some(sha256) = &config.robot_sha256
+    if let Some(sha256) = config.provenance.get(ROBOT)
         && *sha256 != task.system()?.sha256()
     {
         let text = format!("`{}` is another robot than the policy learned with ({})", task.robot(), &sha256[..sha256.len().min(16)]);
