@@ -8,6 +8,7 @@ pub mod batch;
 pub mod calibrate;
 pub mod control;
 pub mod dataset;
+pub mod disturb;
 pub mod drive;
 pub mod files;
 pub mod instruments;

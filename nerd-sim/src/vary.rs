@@ -41,7 +41,7 @@ struct Drawn<'a> {
     nominal: f64,
 }
 
-/// What a model may be told of a robot: what was drawn of it, but for ripples, which no analytic solver is told either.
+/// What a model may be told of a robot: what was drawn of it, but for ripples, which no analytic solver is told either, and how late a policy sees.
 #[derive(Clone, Debug, Default)]
 pub struct Told(Vec<(usize, Range, f64)>);
 
@@ -50,7 +50,7 @@ impl Told {
     pub fn new(system: &System) -> Self {
         let (mut told, mut k) = (Vec::new(), 0);
         varied(system, &mut |Drawn { what, range, nominal, .. }| {
-            told.extend((*what != "ripple").then_some((k, *range, *nominal)));
+            told.extend((!["ripple", "lag"].contains(what)).then_some((k, *range, *nominal)));
             k += 1;
             range.low
         });
@@ -106,7 +106,7 @@ fn varied(system: &System, take: &mut dyn FnMut(&Drawn) -> f64) -> Option<(Syste
     if let Some(size) = take("gravity", "", &vary.gravity, system.gravity().norm()) {
         own.spec.gravity = (own.gravity().normalize() * size).into();
     }
-    let Motors { delay, strength, zeros, ripple, noise, root_noise } = &mut own.motors;
+    let Motors { delay, strength, zeros, ripple, noise, root_noise, lag } = &mut own.motors;
     for (joint, spec) in own.robot.joints_mut().zip(&mut own.spec.joints) {
         if let Some(factor) = take("gain", &joint.name, &vary.gain, 1.0) {
             spec.kp *= factor;
@@ -127,6 +127,7 @@ fn varied(system: &System, take: &mut dyn FnMut(&Drawn) -> f64) -> Option<(Syste
     *noise += take("noise", "", &vary.noise, 0.0).unwrap_or(0.0);
     root_noise[0] += take("root_noise", "", &vary.root_noise, 0.0).unwrap_or(0.0);
     root_noise[1] += take("turn_noise", "", &vary.turn_noise, 0.0).unwrap_or(0.0);
+    *lag += take("lag", "", &vary.lag, 0.0).unwrap_or(0.0);
     own.drawn.clone_from(&drawn);
     Some((own, drawn))
 }

@@ -3,6 +3,7 @@
 //! A step is [`crate::Task::frames`] frames, each one call of the solver for all environments. Every episode draws from a
 //! ChaCha8 stream of its own, keyed by (seed, environment, episode), so what happens depends on neither threads nor neighbours.
 
+use nerd_sim::disturb::{blurred, pushed};
 use nerd_sim::prelude::*;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -78,7 +79,7 @@ impl Episodes {
             torques: vec![0.0; n * system.robot.joint_count()],
             works: (0..n.div_ceil(CHUNK)).map(|_| Work::new(&system)).collect(),
             observations: vec![0.0; n * task.observation_dim()],
-            past: Past::default(),
+            past: Past::for_lag(&system),
             trace: None,
             beginnings: Vec::new(),
             copies: false,
@@ -110,7 +111,7 @@ impl Episodes {
     /// Keeps so many frames for [`Self::snapshot`]: as many as the solver's next step depends on (a network's receptive field;
     /// 0 for an analytic solver).
     pub fn remember(&mut self, frames: usize) {
-        self.past.most = frames;
+        self.past.most = frames.max(Past::for_lag(&self.simulation.batch.system).most);
     }
 
     /// Writes down all frames from here on; what was written down so far.
@@ -163,6 +164,7 @@ impl Episodes {
         self.finite("observe", &self.observations)?;
         let mut failed = vec![false; n];
         for _ in 0..self.task.frames() {
+            self.push();
             self.act(actions);
             self.frame(&mut failed)?;
         }
@@ -283,7 +285,7 @@ impl Episodes {
     /// What the next episode of an environment is drawn from.
     fn draw(&mut self, env: usize) -> ChaCha8Rng {
         self.begun[env] += 1;
-        stream(self.seed, ((self.first + env) as u64) << 32 | (self.begun[env] - 1))
+        episode(self.seed, self.first + env, self.begun[env])
     }
 
     fn start(&mut self, env: usize) {
@@ -311,6 +313,18 @@ impl Episodes {
         if task.memory() > 0 {
             let goals = self.goals.chunks_exact_mut(task.goal_dim()).zip(actions.chunks_exact(width));
             goals.for_each(|(goal, action)| task.remember(goal, action));
+        }
+    }
+
+    /// Pushes the robots of a family that has pushes.
+    fn push(&mut self) {
+        let Self { simulation: Simulation { batch, .. }, seed, first, begun, .. } = self;
+        if batch.systems.is_empty() || !batch.system.pushed() {
+            return;
+        }
+        for (env, begun) in begun.iter().enumerate() {
+            let (own, frame) = (batch.of(env).clone(), batch.frames[env]);
+            pushed(&own, batch.state_mut(env), frame, episode(*seed, *first + env, *begun));
         }
     }
 
@@ -376,16 +390,31 @@ impl Episodes {
         }
     }
 
-    /// Observes some environments.
+    /// Observes some environments, as their sensors show them.
     fn observe(&mut self, some: impl Fn(usize) -> bool + Sync) {
-        let (task, batch, goals) = (&*self.task, &self.simulation.batch, &*self.goals);
-        rows(&mut self.observations, task.observation_dim(), &mut self.works, |env, row, work| {
-            if some(env) {
-                row.fill(f64::NAN); // What a task leaves out is found.
-                task.observe(view(batch, goals, task.goal_dim(), env), work, row);
+        let Self { task, simulation: Simulation { batch, .. }, goals, observations, works, past, seed, first, begun, .. } = self;
+        let sensed = !batch.systems.is_empty() && batch.system.sensed();
+        rows(observations, task.observation_dim(), works, |env, row, work| {
+            if !some(env) {
+                return;
             }
+            row.fill(f64::NAN); // What a task leaves out is found.
+            let now = view(batch, goals, task.goal_dim(), env);
+            if !sensed {
+                return task.observe(now, work, row);
+            }
+            let (own, frame) = (batch.of(env), batch.frames[env]);
+            let late = (own.motors.lag.round() as u64).min(frame);
+            let mut state = past.ago(late as usize, env, now.state.len()).unwrap_or(now.state).to_vec();
+            blurred(own, &mut state, frame - late, episode(*seed, *first + env, begun[env]));
+            task.observe(View { state: &state, ..now }, work, row);
         });
     }
+}
+
+/// What an environment, by its number among all, draws from in its present episode, as many of which have begun.
+fn episode(seed: u64, env: usize, begun: u64) -> ChaCha8Rng {
+    stream(seed, (env as u64) << 32 | (begun - 1))
 }
 
 /// Writes a row of `width` numbers for every environment.

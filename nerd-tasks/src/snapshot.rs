@@ -6,6 +6,7 @@
 use std::collections::VecDeque;
 
 use nerd_sim::solver::{Simulation, StepError};
+use nerd_sim::system::System;
 use rayon::prelude::*;
 
 /// Numbers that one thread copies at least: of thousands of environments a step moves megabytes.
@@ -62,6 +63,18 @@ pub(crate) struct Past {
 }
 
 impl Past {
+    /// As many frames as what a policy sees of a system's robots may be late.
+    pub(crate) fn for_lag(system: &System) -> Self {
+        let lag = system.spec.vary.as_ref().and_then(|vary| vary.lag);
+        Self { most: lag.map_or(0, |lag| lag.high.round() as usize), ..Self::default() }
+    }
+
+    /// State of an environment, of so many numbers, so many frames ago; none of now.
+    pub(crate) fn ago(&self, frames: usize, env: usize, width: usize) -> Option<&[f64]> {
+        let (states, _) = self.frames.get(self.frames.len().checked_sub(frames)?)?;
+        Some(&states[env * width..(env + 1) * width])
+    }
+
     /// Keeps what is about to be stepped.
     pub(crate) fn push(&mut self, states: &[f64], torques: &[f64]) {
         if self.most == 0 {

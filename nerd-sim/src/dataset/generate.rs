@@ -2,13 +2,11 @@
 
 use std::collections::HashMap;
 
-use nerd_core::state::wrap_state;
-
 use super::begin::Begun;
 use super::config::{GenerateConfig, Part};
 use super::manifest::{Manifest, header};
 use super::shard::{DatasetError, FORMAT, Recording, read_shard, sha256_of, write_shard};
-use crate::{internal::*, sampling::normal};
+use crate::{disturb::blur, internal::*};
 
 /// Records trajectories `first .. first + count` of the seed with `solver`, which is the truth of this data.
 pub fn record(
@@ -81,25 +79,6 @@ pub fn record(
         }
     }
     Ok(out)
-}
-
-/// Adds the noise of a robot's sensors to a state.
-fn blur(system: &System, state: &mut [f64], rng: &mut impl Rng) {
-    let (robot, size, per) = (&system.robot, system.motors.noise, 1.0 / system.frame_time);
-    let (q, qd) = state.split_at_mut(robot.nq());
-    if robot.floating() && system.motors.root_noise != [0.0; 2] {
-        let mut apart = |size: f64| Vector3::from_fn(|_, _| size * normal(rng));
-        let [place, turn] = system.motors.root_noise;
-        let (at, turned, faster, spinning) = (apart(place), apart(turn), apart(place * per), apart(turn * per));
-        to_local(robot, q, qd);
-        let pose = quaternion(&q[3..7]) * UnitQuaternion::from_scaled_axis(turned);
-        write_quaternion(&mut q[3..7], &pose);
-        (0..3).for_each(|k| (q[k], qd[k], qd[3 + k]) = (q[k] + at[k], qd[k] + spinning[k], qd[3 + k] + faster[k]));
-        to_world(robot, q, qd);
-    }
-    q[robot.root_coords()..].iter_mut().for_each(|q| *q += size * normal(rng));
-    qd[robot.root_dofs()..].iter_mut().for_each(|v| *v += size * per * normal(rng));
-    wrap_state(robot, state);
 }
 
 /// Writes all shards and `manifest.json` into `folder`; shards that are there already, from the same settings, are

@@ -130,6 +130,16 @@ impl System {
         self.robot.dry() || self.robot.sprung() || !self.folds.is_empty()
     }
 
+    /// Whether what a policy sees of its robots has noise or is late.
+    pub fn sensed(&self) -> bool {
+        self.noisy() || self.spec.vary.as_ref().is_some_and(|vary| vary.lag.is_some())
+    }
+
+    /// Whether its robots are pushed.
+    pub fn pushed(&self) -> bool {
+        self.spec.vary.as_ref().is_some_and(|vary| vary.push.is_some())
+    }
+
     /// Whether sensors of its robots have noise.
     pub fn noisy(&self) -> bool {
         self.spec.vary.as_ref().is_some_and(super::vary::VarySpec::noisy)

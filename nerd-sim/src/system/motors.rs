@@ -18,10 +18,12 @@ pub struct Motors {
     /// analytic solver of ours has.
     pub ripple: Vec<f64>,
     /// Size of the white noise on what sensors show of each joint (rad or m): on its position, and over a frame time on its velocity. What is
-    /// recorded has it ([`crate::dataset`]), nothing that is stepped.
+    /// recorded has it ([`crate::dataset`]) and what a policy sees ([`crate::disturb`]), nothing that is stepped.
     pub noise: f64,
     /// The same of where a free root is (m), and how it is turned (rad).
     pub root_noise: [f64; 2],
+    /// Frames by which what a policy sees is late.
+    pub lag: f64,
 }
 
 impl Motors {

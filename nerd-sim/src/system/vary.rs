@@ -41,12 +41,18 @@ pub struct VarySpec {
     /// Size of each joint's torque ripple (N m or N): what no analytic solver knows, and no model is told.
     pub ripple: Option<Range>,
     /// Size of the white noise of each joint's sensor (rad or m): so much on its position, and that over a frame time on its velocity. It is in
-    /// what a recording shows ([`crate::dataset::Recording::shown`]); no solver steps it.
+    /// what a recording shows ([`crate::dataset::Recording::shown`]) and a policy sees; no solver steps it.
     pub noise: Option<Range>,
     /// The same of where a free root is measured to be (m).
     pub root_noise: Option<Range>,
     /// And of how it is turned (rad).
     pub turn_noise: Option<Range>,
+    /// Whole frames by which what a policy sees is late, from 0 to 2: a drawn number counts as the nearest.
+    pub lag: Option<Range>,
+    /// Sizes of pushes, which change the velocity of a free root (m/s) at once, each in a level direction of its own; of episodes alone.
+    pub push: Option<Range>,
+    /// Time from one push to the next (s).
+    pub push_every: Option<f64>,
 }
 
 /// Farthest that a factor may lead.
@@ -54,7 +60,7 @@ const FACTOR: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
 
 impl VarySpec {
     /// The ranges by key, with what they may hold.
-    fn ranges(&self) -> [(&'static str, Option<Range>, std::ops::RangeInclusive<f64>, &'static str); 19] {
+    fn ranges(&self) -> [(&'static str, Option<Range>, std::ops::RangeInclusive<f64>, &'static str); 21] {
         [
             ("mass", self.mass, FACTOR, ""),
             ("inertia", self.inertia, FACTOR, ""),
@@ -75,7 +81,16 @@ impl VarySpec {
             ("noise", self.noise, 0.0..=1e3, ""),
             ("root_noise", self.root_noise, 0.0..=1e3, "m"),
             ("turn_noise", self.turn_noise, 0.0..=1e3, "rad"),
+            ("lag", self.lag, 0.0..=LATEST, "frames"),
+            ("push", self.push, 0.0..=1e3, "m/s"),
         ]
+    }
+
+    /// In words.
+    pub fn title(&self) -> String {
+        let ranges =
+            self.ranges().into_iter().filter_map(|(key, range, _, unit)| Some(format!("{key} {} {unit}", range?).trim_end().to_string()));
+        ranges.chain(self.push_every.map(|every| format!("push_every {every} s"))).collect::<Vec<_>>().join(", ")
     }
 
     /// Whether what sensors show has noise.
@@ -92,6 +107,14 @@ impl VarySpec {
         if self.gravity.is_some() && !gravity {
             return Err("vary.gravity: the robot has no gravity whose size could vary".into());
         }
+        match (self.push, self.push_every) {
+            (Some(_), None) => return Err("vary.push: say how often, as push_every = 4.0 (s)".into()),
+            (None, Some(_)) => return Err("vary.push_every: say how hard, as push = \"U(0, 0.5)\" (m/s)".into()),
+            (_, Some(every)) if !(every > 0.0 && every.is_finite()) => {
+                return Err(format!("vary.push_every: {every} s; more than 0 are needed"));
+            }
+            _ => {}
+        }
         let mut ranges = self.ranges().into_iter().filter_map(|(key, range, may, unit)| Some((key, range?, may, unit)));
         ranges.try_for_each(|(key, range, may, unit)| law(&format!("vary.{key}"), &range, may, unit))
     }
@@ -103,7 +126,7 @@ impl VarySpec {
             if joints.contains(&key) && robot.joint_count() == 0 {
                 return Err(format!("vary.{key}: the robot has no joint"));
             }
-            if key.ends_with("_noise") && !robot.floating() {
+            if (key.ends_with("_noise") || key == "push") && !robot.floating() {
                 return Err(format!("vary.{key}: the robot's root is not free"));
             }
             if ["friction", "stiffness", "contact_damping"].contains(&key) && robot.contact_points.is_empty() {

@@ -15,7 +15,12 @@ struct World {
     // Episodes that failed, and 1 + an environment whose start cannot be stepped.
     unsigned* counts;
     int n;
+    // States before the last frames of each, the newest first, where what is seen is late.
+    double* before;
 };
+
+// The stream of an environment's present episode.
+FN unsigned long long stream_of(const World& w, int env) { return (w.first + env) << 32 | (w.begun[env] - 1); }
 
 BIG void restart(const World& w, int env) {
     Draws d = draws(w.key, (w.first + env) << 32 | w.begun[env]);
@@ -61,6 +66,7 @@ FN void remember(double* goal, const float* action) {
 // Torques of a frame of a step.
 FN void act(const World& w, int env, const float* actions, int frame, Past past) {
     if (frame) counted(w, env);
+    shoved(w.key, stream_of(w, env), w.frames[env], w.states + (long long)env * STATE);
     Work work;
     const Seen s = seen(w, env, work, ACT_ASKS);
     double action[ACTIONS + 1], *tau = w.torques + (long long)env * NJ;
@@ -71,6 +77,10 @@ FN void act(const World& w, int env, const float* actions, int frame, Past past)
         for (int k = 0; k < NJ; k++) past.torques[(long long)env * NJ + k] = tau[k];
         for (int k = 0; k < GOALS && past.goals; k++) past.goals[(long long)env * GOALS + k] = s.goal[k];
     }
+#if LAGGED
+    double* before = w.before + (long long)env * LATEST * STATE;
+    for (int k = LATEST * STATE - 1; k >= 0; k--) before[k] = k < STATE ? s.state[k] : before[k - STATE];
+#endif
     if (frame == STEP_FRAMES - 1) remember(w.goals + (long long)env * GOALS, actions + (long long)env * ACTIONS);
 }
 
@@ -83,7 +93,27 @@ FN void pushed(const double* now, const double* row, double* out, int depth) {
         out[k] = now[k];
     }
 }
-FN void observe(const World& w, int env, Work& work, double* out) { task_observe(seen(w, env, work, OBSERVE_ASKS), out); }
+FN void observe(const World& w, int env, Work& work, double* out) {
+#if BLURRED || LAGGED
+    Seen s = seen(w, env, work, false);
+    unsigned long long frame = w.frames[env], late = 0;
+#if LAGGED
+    late = (unsigned long long)(LAG(s.scene)[0] + 0.5);
+    if (late > frame) late = frame;
+    if (late) s.state = w.before + ((long long)env * LATEST + late - 1) * STATE;
+#endif
+    double shown[STATE];
+    for (int k = 0; k < STATE; k++) shown[k] = s.state[k];
+#if BLURRED
+    blurred(w.key, stream_of(w, env), frame - late, s.scene, shown);
+#endif
+    s.state = shown;
+    if (OBSERVE_ASKS) settle(work, shown, s.scene);
+    task_observe(s, out);
+#else
+    task_observe(seen(w, env, work, OBSERVE_ASKS), out);
+#endif
+}
 
 // After a step: its reward, how it ended (0 not, 1 terminated, 2 truncated), what is seen then; `cut` gets what was seen where time ran out, and
 // `reached` the state, if they have a place: no number where the solver could not go on.

@@ -1,12 +1,14 @@
 //! The kernels of tasks against the tasks themselves, without a device: their text is compiled as C++ and run on the CPU.
 
 use nerd_sim::articulated::device::Reach;
+use nerd_sim::rig::LATEST;
+use nerd_sim::vary::{self, VarySpec};
 use nerd_sim::{prelude::*, solver::Fault};
 use nerd_tasks::formula::{Formulas, Number, Sight, written};
 use nerd_tasks::{About, Episodes, StepResult, named};
 
 use crate::cpp::Compiler;
-use crate::{doubles, every, recorded};
+use crate::{doubles, every, recorded, some};
 
 const N: usize = 64;
 const SEED: u64 = 9;
@@ -30,7 +32,7 @@ impl Solver for Still {
 /// Episodes under way, some of them at their ends, and the actions of a step.
 fn under_way(task: &str, system: &Arc<System>) -> (Episodes, Vec<f64>) {
     let task = named(task).expect("a task");
-    let batch = Batch::new(system, &system.scene(task.scene()).expect("a scene"), N);
+    let batch = vary::batch(system, task.scene(), N, SEED).expect("robots");
     let (d, nq, length) = (system.robot.state_dim(), system.robot.nq(), task.episode_length() * task.frames());
     let mut episodes = Episodes::part(task, Simulation { batch, solver: Box::new(Still) }, SEED, FIRST);
     let batch = &mut episodes.simulation.batch;
@@ -42,6 +44,13 @@ fn under_way(task: &str, system: &Arc<System>) -> (Episodes, Vec<f64>) {
     batch.states[FAR * d] = 1e6;
     batch.frames.iter_mut().enumerate().for_each(|(env, f)| *f = 1 + env as u64);
     LATE.iter().for_each(|env| batch.frames[*env] = length - 1);
+    if system.sensed() {
+        let (mut kept, frames) = (episodes.snapshot(), LATEST as usize);
+        kept.past_states =
+            (0..frames).flat_map(|k| kept.states.iter().zip(some(N * d, k, 0.3)).map(|(x, off)| x + off).collect::<Vec<_>>()).collect();
+        kept.past_torques = vec![0.0; frames * N * system.robot.joint_count()];
+        episodes.restore(&kept).expect("its own");
+    }
     let actions = (0..N * episodes.task.action_dim()).map(|k| f64::from((1.3 * (k as f32 * 0.9).sin()).clamp(-1.0, 1.0)));
     let actions = actions.collect();
     (episodes, actions)
@@ -75,6 +84,9 @@ fn run(compiler: &Compiler, text: &str, episodes: &Episodes, actions: &[f64], ro
     input.extend((0..N).flat_map(|env| i32::from(env == FAILS).to_le_bytes()));
     input.extend(actions.iter().flat_map(|x| (*x as f32).to_le_bytes()));
     input.extend([numbers(rows), numbers(&recorded(batch))].concat());
+    // By environment, the newest first.
+    let (past, d) = (kept.past_states.chunks_exact(batch.states.len()).rev().collect::<Vec<_>>(), batch.states.len() / N);
+    input.extend((0..N).flat_map(|env| past.iter().flat_map(|all| numbers(&all[env * d..][..d])).collect::<Vec<u8>>()));
     let output = compiler.run(text, input);
     let (d, joints, row) = (batch.system.robot.state_dim(), batch.system.robot.joint_count(), 2 * episodes.task.observation_dim());
     let mut rest = &output[..];
@@ -102,59 +114,78 @@ fn apart(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs() / (1.0 + b.abs())).fold(0.0, |most, x| if x > most || x.is_nan() { x } else { most })
 }
 
+/// A step of a task's episodes with these robots, in kernels and on the CPU; false if it has none.
+fn is_the_same(compiler: &Compiler, name: &str, system: &Arc<System>) -> bool {
+    let (mut episodes, actions) = under_way(name, system);
+    let task = named(name).expect("a task");
+    let text = match task.kernels(system, Reach::of(&episodes.simulation.batch), true) {
+        Ok(text) => text,
+        Err(why) => {
+            assert_eq!(name, "lead-tip", "{why}");
+            return false;
+        }
+    };
+    let before: Vec<f64> = (0..N * 2 * task.observation_dim()).map(|k| (k as f64 * 0.31).sin()).collect();
+    let made = run(compiler, &(text + include_str!("given.cuh") + include_str!("alone.cuh")), &episodes, &actions, &before);
+    episodes.trace();
+    let StepResult { rewards, terminated, truncated, reached, failed, .. } = episodes.step(&actions).expect("it can be stepped");
+    let (after, trace) = (episodes.snapshot(), episodes.trace());
+    let numbers = |x: &[f64]| x.iter().filter(|x| !x.is_nan()).copied().collect::<Vec<f64>>();
+    let ends: Vec<u8> = terminated.iter().zip(&truncated).map(|(end, cut)| if *end { 1 } else { 2 * u8::from(*cut) }).collect();
+    assert_eq!((&made.ends, made.failed as usize), (&ends, failed), "{name}: how episodes ended");
+    assert!(failed == 2 && LATE.iter().any(|env| ends[*env] == 2) && ends.contains(&0), "{name}: {ends:?}");
+    assert_eq!(made.frames, episodes.simulation.batch.frames, "{name}: frames");
+    assert_eq!(made.begun, after.begun, "{name}: episodes begun");
+    let width = task.observation_dim();
+    let ended = |env: usize| ends[env] > 0;
+    let expected = (0..N).flat_map(|env| {
+        let now = &episodes.observations()[env * width..][..width];
+        let difference = now.iter().zip(&before[env * 2 * width..]).map(|(a, b)| if ended(env) { 0.0 } else { a - b });
+        now.iter().copied().chain(difference).collect::<Vec<_>>()
+    });
+    let expected = expected.collect::<Vec<_>>();
+    let of_late = |rows: &[f64], all: usize| -> Vec<f64> {
+        let rows = rows.chunks(all).zip(&ends).filter(|(_, end)| **end == 2);
+        rows.flat_map(|(row, _)| row[..width].to_vec()).collect()
+    };
+    let (cut, seen) = (of_late(&made.cut, 2 * width), of_late(&reached, width));
+    let off = [
+        ("rewards", apart(&made.rewards, &rewards)),
+        ("rows", apart(&made.rows, &expected)),
+        ("cut rows", apart(&cut, &seen)),
+        ("states", apart(&made.states, &after.states)),
+        ("goals", apart(&made.goals, &after.goals)),
+        ("states that were reached", apart(&numbers(&made.reached), &numbers(&trace.reached))),
+    ];
+    println!("{name}: {off:.1?}");
+    assert!(off.iter().all(|(_, x)| *x < 1e-11), "{name}: {off:?}");
+    true
+}
+
 #[test]
 fn every_task_of_formulas_is_the_same_in_kernels() {
     let Some(compiler) = Compiler::find() else { return };
-    let mut count = 0;
-    for name in every() {
-        let task = named(name).expect("a task");
-        let system = task.system().expect("a robot");
-        let batch = Batch::new(&system, &system.scene(task.scene()).expect("a scene"), 1);
-        let text = match task.kernels(&system, Reach::of(&batch), true) {
-            Ok(text) => text,
-            Err(why) => {
-                assert_eq!(name, "lead-tip", "{why}");
-                continue;
-            }
-        };
-        let (mut episodes, actions) = under_way(name, &system);
-        let before: Vec<f64> = (0..N * 2 * task.observation_dim()).map(|k| (k as f64 * 0.31).sin()).collect();
-        let made = run(&compiler, &(text + include_str!("given.cuh") + include_str!("alone.cuh")), &episodes, &actions, &before);
-        episodes.trace();
-        let StepResult { rewards, terminated, truncated, reached, failed, .. } = episodes.step(&actions).expect("it can be stepped");
-        let (after, trace) = (episodes.snapshot(), episodes.trace());
-        let numbers = |x: &[f64]| x.iter().filter(|x| !x.is_nan()).copied().collect::<Vec<f64>>();
-        let ends: Vec<u8> = terminated.iter().zip(&truncated).map(|(end, cut)| if *end { 1 } else { 2 * u8::from(*cut) }).collect();
-        assert_eq!((&made.ends, made.failed as usize), (&ends, failed), "{name}: how episodes ended");
-        assert!(failed == 2 && LATE.iter().any(|env| ends[*env] == 2) && ends.contains(&0), "{name}: {ends:?}");
-        assert_eq!(made.frames, episodes.simulation.batch.frames, "{name}: frames");
-        assert_eq!(made.begun, after.begun, "{name}: episodes begun");
-        let width = task.observation_dim();
-        let ended = |env: usize| ends[env] > 0;
-        let expected = (0..N).flat_map(|env| {
-            let now = &episodes.observations()[env * width..][..width];
-            let difference = now.iter().zip(&before[env * 2 * width..]).map(|(a, b)| if ended(env) { 0.0 } else { a - b });
-            now.iter().copied().chain(difference).collect::<Vec<_>>()
-        });
-        let expected = expected.collect::<Vec<_>>();
-        let of_late = |rows: &[f64], all: usize| -> Vec<f64> {
-            let rows = rows.chunks(all).zip(&ends).filter(|(_, end)| **end == 2);
-            rows.flat_map(|(row, _)| row[..width].to_vec()).collect()
-        };
-        let (cut, seen) = (of_late(&made.cut, 2 * width), of_late(&reached, width));
-        let off = [
-            ("rewards", apart(&made.rewards, &rewards)),
-            ("rows", apart(&made.rows, &expected)),
-            ("cut rows", apart(&cut, &seen)),
-            ("states", apart(&made.states, &after.states)),
-            ("goals", apart(&made.goals, &after.goals)),
-            ("states that were reached", apart(&numbers(&made.reached), &numbers(&trace.reached))),
-        ];
-        println!("{name}: {off:.1?}");
-        assert!(off.iter().all(|(_, x)| *x < 1e-11), "{name}: {off:?}");
-        count += 1;
-    }
+    let robot = |name: &str| named(name).expect("a task").system().expect("a robot");
+    let count = every().into_iter().filter(|name| is_the_same(&compiler, name, &robot(name))).count();
     assert_eq!(count, 10, "tasks with kernels");
+}
+
+/// So it is with robots of a family, whose gains differ, whose sensors are late and have noise, and which are pushed.
+#[test]
+fn robots_of_a_family_are_the_same_in_kernels() {
+    let Some(compiler) = Compiler::find() else { return };
+    let range = |low, high| Some(Range { low, high });
+    for name in ["anymal-forward", "franka-reach"] {
+        let mut system = (*named(name).expect("a task").system().expect("a robot")).clone();
+        let (root, blur) = (system.robot.floating(), range(0.0, 0.1));
+        let mut spec = VarySpec { mass: range(0.5, 1.5), gain: range(0.5, 1.5), noise: blur, lag: range(0.0, 2.0), ..VarySpec::default() };
+        if root {
+            spec = VarySpec { root_noise: blur, turn_noise: blur, push: range(0.1, 0.5), ..spec };
+            spec.push_every = Some(3.0 * system.frame_time);
+        }
+        system.spec.vary = Some(spec);
+        assert!(is_the_same(&compiler, name, &Arc::new(system)));
+    }
 }
 
 /// Speaks of what there is not.

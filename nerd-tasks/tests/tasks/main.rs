@@ -56,10 +56,12 @@ fn apart(found: &[f64], expected: &[f64]) -> f64 {
     off.fold(0.0, |most, x| if x > most || x.is_nan() { x } else { most })
 }
 
-/// The first environment's scene as kernels have it.
+/// Every environment's scene and robot as kernels have them.
 fn recorded(batch: &Batch) -> Vec<f64> {
     let config = ArticulatedConfig::implicit(1, Friction::Coulomb);
-    record(&batch.scenes[0], &batch.system, &config, Reach::of(batch)).expect("a scene with kernels")
+    (0..batch.len())
+        .flat_map(|env| record(&batch.scenes[env], batch.of(env), &config, Reach::of(batch)).expect("a scene with kernels"))
+        .collect()
 }
 
 fn doubles(bytes: &[u8]) -> Vec<f64> {

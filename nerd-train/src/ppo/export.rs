@@ -15,6 +15,8 @@ pub fn export(out: &Path, solver: &str, identity: &str, trainer: &Trainer) -> Re
     if folder::own(task).is_some() {
         about.push((folder::ROBOT, task.system()?.sha256()));
     }
+    let Batch { system, systems, .. } = &trainer.episodes.simulation.batch;
+    about.extend(system.spec.vary.as_ref().filter(|_| !systems.is_empty()).map(|vary| ("robots differ by", vary.title())));
     let (provenance, table) = rows(out, trainer.seed, about)?;
     let (policy, reward) = trainer.best();
     let (shape, ppo, iterations) = (policy.shape.clone(), trainer.config.clone(), trainer.state.iteration);

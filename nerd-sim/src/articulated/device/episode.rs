@@ -2,7 +2,9 @@
 
 use super::own::Own;
 use super::program::{Reach, Real, functions, number, record};
+use crate::disturb::{NOISES, PUSHES, blocks, every};
 use crate::prelude::*;
+use crate::system::motors::LATEST;
 use crate::system::start::{DRAWS, Start, least_clearance};
 
 /// The random numbers of ChaCha8, as `rand` makes them of it: `chacha8` and `unit`.
@@ -30,6 +32,14 @@ pub fn episode(system: &System, reach: Reach) -> Result<String, String> {
     let flags = [("RELATIVE", control.is_some_and(|c| c.relative)), ("AHEAD", control.is_some_and(|c| c.ahead))];
     let more = [("CLAMPED", control.is_some_and(|c| c.clamp)), ("CONTROLLED", control.is_some()), ("CLEARS", record.is_some())];
     text.define(flags.into_iter().chain(more).map(|(name, on)| (name, i32::from(on))));
+    let [blurred, lagged] = reach.own.sensed();
+    text.define([("BLURRED", blurred), ("LAGGED", lagged)].map(|(name, on)| (name, i32::from(on))));
+    let pushes = if reach.own == Own::default() { None } else { every(system) };
+    text.define(
+        [("PUSH_EVERY", pushes.unwrap_or(0)), ("PUSHES", PUSHES), ("NOISES", NOISES), ("NOISE_BLOCKS", blocks(system))]
+            .map(|(name, n)| (name, format!("{n}"))),
+    );
+    text.define([("LATEST", LATEST), ("PI", std::f64::consts::PI)]);
     text.define([("APART", clear.unwrap_or(0.0)), ("ACTION_SCALE", control.map_or(0.0, |c| c.scale))].map(|(name, x)| (name, number(x))));
     let mut numbers = |name: &str, values: Vec<f64>| text.table("double", name, values);
     let ends = |range: &Range| [range.low, range.high];
@@ -47,7 +57,8 @@ pub fn episode(system: &System, reach: Reach) -> Result<String, String> {
     numbers("GAIN", system.joint_specs().map(|j| j.gain.unwrap_or(j.torque)).collect());
     numbers("REST", system.joint_specs().map(|j| j.default).collect());
     reach.own.write(&mut text, system, false);
+    text.table("double", "PUSHED", system.spec.vary.as_ref().and_then(|vary| vary.push).iter().flat_map(ends));
     let other = |i: usize| specs[i].reset.minus.as_ref().and_then(|name| specs[..i].iter().position(|s| &s.name == name));
     text.table("int", "MINUS", (0..specs.len()).map(|i| other(i).map_or(-1.0, |k| k as f64)));
-    Ok(text.0 + RANDOM + include_str!("episode.cuh"))
+    Ok(text.0 + RANDOM + include_str!("episode.cuh") + include_str!("disturb.cuh"))
 }

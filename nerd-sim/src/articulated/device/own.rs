@@ -13,7 +13,7 @@ type Changes = fn(&VarySpec) -> bool;
 
 /// Names of tables, and what changes them: first those that a solver reads from its tree, then from [`SOLVERS`] on those that are read where they are,
 /// by what surrounds it.
-const TABLES: [(&str, Changes); 17] = [
+const TABLES: [(&str, Changes); 19] = [
     ("MASS", |v| v.mass.is_some()),
     ("COM", |v| v.com.is_some()),
     ("BODY", |v| v.mass.is_some() || v.inertia.is_some()),
@@ -31,10 +31,14 @@ const TABLES: [(&str, Changes); 17] = [
     ("STRENGTH", |v| v.strength.is_some()),
     ("ZERO", |v| v.zero.is_some()),
     ("RIPPLE", |v| v.ripple.is_some()),
+    ("NOISE", VarySpec::noisy),
+    ("LAG", |v| v.lag.is_some()),
 ];
 const SOLVERS: usize = 11;
-/// The first table of motors and sensors.
-const MOTORS: usize = 13;
+/// Those of motors and what joints' sensors show, of noise, and of lateness.
+const MOTORS: std::ops::Range<usize> = 13..17;
+const NOISE: usize = 17;
+const LAG: usize = 18;
 /// Says that robots differ, if in no table.
 const FAMILY: u32 = 1 << 31;
 
@@ -63,7 +67,12 @@ impl Own {
 
     /// Whether motors or sensors do.
     pub fn rigged(self) -> bool {
-        (MOTORS..TABLES.len()).any(|k| self.has(k))
+        MOTORS.into_iter().any(|k| self.has(k))
+    }
+
+    /// Whether what a policy sees has noise, and is late.
+    pub(super) fn sensed(self) -> [bool; 2] {
+        [NOISE, LAG].map(|k| self.has(k))
     }
 
     /// Whether dry friction does.
@@ -138,5 +147,7 @@ fn tables(system: &System) -> [Vec<f64>; TABLES.len()] {
         each(&motors.strength, 1.0),
         each(&motors.zeros, 0.0),
         each(&motors.ripple, 0.0),
+        vec![motors.noise, motors.root_noise[0], motors.root_noise[1]],
+        vec![motors.lag],
     ]
 }

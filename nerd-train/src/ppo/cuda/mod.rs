@@ -15,6 +15,7 @@ use std::sync::mpsc::Receiver;
 use nerd_cuda::Arg::{self, Double, Float, Int, Long, Ptr};
 use nerd_cuda::{Buffer, Device, DeviceError, Precision, Replay, Sums};
 use nerd_sim::articulated::device::{BLOCK, RANDOM, Reach, Resident, Trail, failed};
+use nerd_sim::rig::LATEST;
 use nerd_sim::solver::Fault;
 
 use super::noise::key;

@@ -12,6 +12,7 @@ struct Fields {
     first: u64,
     counts: u64,
     n: i32,
+    before: u64,
 }
 
 /// Of the task; all but two are of the way back.
@@ -26,6 +27,7 @@ pub(super) struct World {
     begun: Buffer<u64>,
     _failed: Buffer<u32>,
     counts: Buffer<u32>,
+    _before: Buffer<f64>,
     past: Past,
     /// What each step led to, in a world whose steps are gone back over.
     reached: Option<Buffer<f64>>,
@@ -82,7 +84,9 @@ impl World {
             let (failed, counts) = (device.zeros::<u32>(n)?, device.zeros::<u32>(2)?);
             let [states, torques, records, of] = [held.states.ptr, held.torques.ptr, held.records.ptr, held.scene_of.ptr];
             let at = [states, goals.ptr, torques, records, of, held.faults.ptr, memory, failed.ptr, frames.ptr, begun.ptr];
-            let fields = Fields { at, key: key(&stream(seed, 0)), first: first as u64, counts: counts.ptr, n: n as i32 };
+            let before = device.upload(&before(&kept, if system.sensed() { LATEST as usize } else { 0 }, n))?;
+            let fields =
+                Fields { at, key: key(&stream(seed, 0)), first: first as u64, counts: counts.ptr, n: n as i32, before: before.ptr };
             let frames_back = steps * task.frames() as usize;
             let (room, sizes) = (most.max(frames_back), [kept.states.len(), n * system.robot.joint_count(), kept.goals.len()]);
             let [states, torques, asked] = sizes.map(|size| device.zeros(room * size));
@@ -90,7 +94,22 @@ impl World {
             let reached = back.map(|steps| device.zeros(steps * kept.states.len())).transpose()?;
             let fields = device.upload(&[fields])?;
             let (step, length, states) = (task.frames() as usize, task.episode_length().max(1), kept.states.clone());
-            Ok(Self { fields, goals, frames, begun, _failed: failed, counts, past, reached, states, step, length, n, device })
+            Ok(Self {
+                fields,
+                goals,
+                frames,
+                begun,
+                _failed: failed,
+                counts,
+                _before: before,
+                past,
+                reached,
+                states,
+                step,
+                length,
+                n,
+                device,
+            })
         };
         // Kernels of the task that do not compile, or no memory beside the solver: then tasks run on the CPU, and the reason is printed.
         let mut world = make().map_err(|e| StepError::Refused(e.to_string()))?;
@@ -175,6 +194,18 @@ impl World {
         self.past.give(d, &mut kept).map_err(failed)?;
         Ok(kept)
     }
+}
+
+/// States before the last frames of each environment, the newest first; zeros where none were kept.
+fn before(kept: &Snapshot, frames: usize, n: usize) -> Vec<f64> {
+    let (all, d) = (kept.states.len(), kept.states.len() / n.max(1));
+    let mut out = vec![0.0; frames * all];
+    for (k, states) in kept.past_states.chunks_exact(all.max(1)).rev().take(frames).enumerate() {
+        for (env, state) in states.chunks_exact(d).enumerate() {
+            out[(env * frames + k) * d..][..d].copy_from_slice(state);
+        }
+    }
+    out
 }
 
 impl Past {

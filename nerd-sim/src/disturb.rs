@@ -1,0 +1,79 @@
+//! What befalls a robot in an episode: pushes, and what its sensors show of it, as `[vary]` has them. Both are drawn from the episode's own stream, at
+//! places of each frame: they are the same however often and in whichever order they are asked for.
+//!
+//! ```
+//! use nerd_sim::prelude::*;
+//! use nerd_sim::{disturb::pushed, vary::VarySpec};
+//! let mut system = (*System::named("ant")?).clone();
+//! system.spec.vary = Some(VarySpec { push: Some(Range { low: 0.5, high: 0.5 }), push_every: Some(2.0), ..Default::default() });
+//! let mut state = start(&system, Start::Reset, &mut stream(0, 0));
+//! let every = (2.0 / system.frame_time).round() as u64;
+//! assert!(!pushed(&system, &mut state.clone(), 1, stream(0, 0)) && pushed(&system, &mut state, every, stream(0, 0)));
+//! # Ok::<(), SystemError>(())
+//! ```
+
+use std::f64::consts::TAU;
+
+use nerd_core::state::wrap_state;
+use rand_chacha::ChaCha8Rng;
+
+use crate::{internal::*, sampling::normal};
+
+/// Blocks of an episode's stream where its pushes and its noise begin, far behind its start; and words of a block.
+pub(crate) const PUSHES: u64 = 1 << 40;
+pub(crate) const NOISES: u64 = 2 << 40;
+const WORDS: u128 = 16;
+/// Words of a number that is drawn.
+const DRAWN: usize = 2;
+
+/// Frames from one push to the next; none where there are no pushes.
+pub(crate) fn every(system: &System) -> Option<u64> {
+    let period = system.spec.vary.as_ref().filter(|vary| vary.push.is_some())?.push_every?;
+    Some(((period / system.frame_time).round() as u64).max(1))
+}
+
+/// Blocks of a frame's noise: of two numbers for each of four vectors of a root and for each joint's position and velocity.
+pub(crate) fn blocks(system: &System) -> u64 {
+    ((24 + 4 * system.robot.joint_count()) * DRAWN).div_ceil(WORDS as usize) as u64
+}
+
+/// Pushes a free root where this frame of an episode has a push: its velocity changes by as much as is drawn, in a level direction. Whether it was.
+pub fn pushed(system: &System, state: &mut [f64], frame: u64, mut episode: ChaCha8Rng) -> bool {
+    let (Some(every), Some(size)) = (every(system), system.spec.vary.as_ref().and_then(|vary| vary.push)) else { return false };
+    if frame == 0 || !frame.is_multiple_of(every) {
+        return false;
+    }
+    episode.set_word_pos(u128::from(PUSHES + frame / every) * WORDS);
+    let (size, angle) = (size.draw(&mut episode), TAU * episode.random::<f64>());
+    let nq = system.robot.nq();
+    state[nq + 3] += size * angle.cos();
+    state[nq + 4] += size * angle.sin();
+    true
+}
+
+/// Makes of a state what sensors show of it in this frame of an episode.
+pub fn blurred(system: &System, state: &mut [f64], frame: u64, mut episode: ChaCha8Rng) {
+    if system.noisy() {
+        episode.set_word_pos(u128::from(NOISES + frame * blocks(system)) * WORDS);
+        blur(system, state, &mut episode);
+    }
+}
+
+/// Adds the noise of a robot's sensors to a state.
+pub(crate) fn blur(system: &System, state: &mut [f64], rng: &mut impl Rng) {
+    let (robot, size, per) = (&system.robot, system.motors.noise, 1.0 / system.frame_time);
+    let (q, qd) = state.split_at_mut(robot.nq());
+    if robot.floating() && system.motors.root_noise != [0.0; 2] {
+        let mut apart = |size: f64| Vector3::from_fn(|_, _| size * normal(rng));
+        let [place, turn] = system.motors.root_noise;
+        let (at, turned, faster, spinning) = (apart(place), apart(turn), apart(place * per), apart(turn * per));
+        to_local(robot, q, qd);
+        let pose = quaternion(&q[3..7]) * UnitQuaternion::from_scaled_axis(turned);
+        write_quaternion(&mut q[3..7], &pose);
+        (0..3).for_each(|k| (q[k], qd[k], qd[3 + k]) = (q[k] + at[k], qd[k] + spinning[k], qd[3 + k] + faster[k]));
+        to_world(robot, q, qd);
+    }
+    q[robot.root_coords()..].iter_mut().for_each(|q| *q += size * normal(rng));
+    qd[robot.root_dofs()..].iter_mut().for_each(|v| *v += size * per * normal(rng));
+    wrap_state(robot, state);
+}
