@@ -32,6 +32,14 @@ pub(crate) fn every(system: &System) -> Option<u64> {
     Some(((period / system.frame_time).round() as u64).max(1))
 }
 
+/// Two directions across gravity, and to each other; along x and y where there is none.
+pub(crate) fn level(system: &System) -> [Vector3<f64>; 2] {
+    let up = (-system.gravity()).try_normalize(0.0).unwrap_or(Vector3::z());
+    let across = if up.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
+    let one = (across - up * up.dot(&across)).normalize();
+    [one, up.cross(&one)]
+}
+
 /// Blocks of a frame's noise: of two numbers for each of four vectors of a root and for each joint's position and velocity.
 pub(crate) fn blocks(system: &System) -> u64 {
     ((24 + 4 * system.robot.joint_count()) * DRAWN).div_ceil(WORDS as usize) as u64
@@ -45,9 +53,9 @@ pub fn pushed(system: &System, state: &mut [f64], frame: u64, mut episode: ChaCh
     }
     episode.set_word_pos(u128::from(PUSHES + frame / every) * WORDS);
     let (size, angle) = (size.draw(&mut episode), TAU * episode.random::<f64>());
-    let nq = system.robot.nq();
-    state[nq + 3] += size * angle.cos();
-    state[nq + 4] += size * angle.sin();
+    let [one, other] = level(system);
+    let change = one * (size * angle.cos()) + other * (size * angle.sin());
+    state[system.robot.nq() + 3..].iter_mut().zip(change.iter()).for_each(|(v, by)| *v += by);
     true
 }
 

@@ -1,4 +1,4 @@
-// What befalls a robot in an episode, as disturb.rs has it: pushes of PUSHED (range, m/s) every PUSH_EVERY frames (0: none), and where it is BLURRED the
+// What befalls a robot in an episode, as disturb.rs has it: pushes of PUSHED (range, m/s) along LEVEL every PUSH_EVERY frames (0: none), and where it is BLURRED the
 // NOISE of its sensors (joints, a root's place and turn), NOISE_BLOCKS of its stream a frame; all from an episode's own stream.
 
 FN Draws drawn_at(const unsigned long long* key, unsigned long long stream, unsigned long long block) {
@@ -13,8 +13,7 @@ FN void shoved(const unsigned long long* key, unsigned long long stream, unsigne
     if (frame == 0 || frame % PUSH_EVERY) return;
     Draws d = drawn_at(key, stream, PUSHES + frame / PUSH_EVERY);
     const double size = between(d, PUSHED), angle = 2 * PI * one(d);
-    state[NQ + 3] += size * cos(angle);
-    state[NQ + 4] += size * sin(angle);
+    for (int k = 0; k < 3; k++) state[NQ + 3 + k] += LEVEL[k] * (size * cos(angle)) + LEVEL[3 + k] * (size * sin(angle));
 #endif
 }
 

@@ -2,7 +2,7 @@
 
 use super::own::Own;
 use super::program::{Reach, Real, functions, number, record};
-use crate::disturb::{NOISES, PUSHES, blocks, every};
+use crate::disturb::{NOISES, PUSHES, blocks, every, level};
 use crate::prelude::*;
 use crate::system::motors::LATEST;
 use crate::system::start::{DRAWS, Start, least_clearance};
@@ -57,6 +57,7 @@ pub fn episode(system: &System, reach: Reach) -> Result<String, String> {
     numbers("GAIN", system.joint_specs().map(|j| j.gain.unwrap_or(j.torque)).collect());
     numbers("REST", system.joint_specs().map(|j| j.default).collect());
     reach.own.write(&mut text, system, false);
+    text.table("double", "LEVEL", level(system).iter().flat_map(|v| v.iter().copied()));
     text.table("double", "PUSHED", system.spec.vary.as_ref().and_then(|vary| vary.push).iter().flat_map(ends));
     let other = |i: usize| specs[i].reset.minus.as_ref().and_then(|name| specs[..i].iter().position(|s| &s.name == name));
     text.table("int", "MINUS", (0..specs.len()).map(|i| other(i).map_or(-1.0, |k| k as f64)));
