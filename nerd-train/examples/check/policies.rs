@@ -83,17 +83,30 @@ pub fn policies(checks: &mut Checks) -> Outcome {
     Ok(())
 }
 
-/// Tasks on the card, in a model and in articulated dynamics; and a run that goes on from a snapshot.
+/// Tasks on the card, in a model, in articulated dynamics and with robots of a family; and a run that goes on from a snapshot.
 pub fn tasks(checks: &mut Checks) -> Outcome {
     for name in names() {
         let task = named(name)?;
-        if task.kernels(&*System::named(task.robot())?, 1, false).is_ok() {
+        if task.kernels(&*System::named(task.robot())?, Reach { colliders: 1, ..Reach::default() }, false).is_ok() {
             let folder = Path::new("models").join(task.robot());
             task_alike(checks, name, &Arena::Model { folder, device: Device::Cuda })?;
             task_alike(checks, name, &Arena::Card(Setting::Implicit(4)))?;
         }
     }
+    for (task, robot) in [("ant-run", "ant"), ("anymal-forward", "anymal")] {
+        let mut family = (*System::named(&format!("{robot}-family"))?).clone();
+        if let Some(vary) = &mut family.spec.vary {
+            (vary.gain, vary.lag, vary.push) = (range(0.8, 1.2), range(0.0, 2.0), range(0.0, 0.5));
+            (vary.noise, vary.root_noise, vary.turn_noise) = (range(0.0, 0.01), range(0.0, 0.01), range(0.0, 0.01));
+            vary.push_every = Some(0.1);
+        }
+        task_alike(checks, task, &Arena::Family(Truth::Articulated, family.into(), Device::Cuda))?;
+    }
     Ok(())
+}
+
+fn range(low: f64, high: f64) -> Option<Range> {
+    Some(Range { low, high })
 }
 
 fn task_alike(checks: &mut Checks, task: &str, arena: &Arena) -> Outcome {

@@ -5,6 +5,7 @@ use nerd_model::neural::Neural;
 use nerd_model::transformer::packed;
 use nerd_sim::articulated::device::Roll;
 use nerd_sim::dataset::begin;
+use nerd_sim::rig::Rig;
 
 use crate::with::*;
 
@@ -22,12 +23,13 @@ fn torques(batch: &Batch, frame: usize) -> Vec<f64> {
 }
 
 pub fn solvers(checks: &mut Checks) -> Outcome {
-    let (ant, lead) = (System::named("ant")?, System::named("lead-pegs")?);
+    let (ant, family, lead) = (System::named("ant")?, System::named("ant-family")?, System::named("lead-pegs")?);
     let (full, short) = (Precision::F32, Precision::Tf32);
     // The last: how far from the CPU the median environment may be after thirty frames. Where an edge is met a motion may part; most do not.
     // TF32 and f16 round 2^13 times as coarsely.
     for (setting, precision, system, most) in [
         (Setting::Accurate, full, &ant, 1e-4),
+        (Setting::Accurate, full, &family, 1e-4),
         (Setting::Neural("models/ant".into()), full, &ant, 1e-4),
         (Setting::Neural("models/ant".into()), Precision::F16, &ant, 0.1),
         (Setting::Neural("models/lead-pegs".into()), full, &lead, 0.05),
@@ -37,13 +39,16 @@ pub fn solvers(checks: &mut Checks) -> Outcome {
         let new = || resident(&setting, system, Real::F64, precision);
         let (mut one, mut all, mut cpu) = (batch(system, 64)?, batch(system, 64)?, batch(system, 64)?);
         let (mut stepped, mut own) = (new()?, setting.solver(system)?);
+        if system.spec.vary.is_some() {
+            own = Box::new(Rig::new(own));
+        }
         let frames: Vec<Vec<f64>> = (0..30).map(|frame| torques(&one, frame)).collect();
         for torques in &frames {
             stepped.step(&mut one, torques)?;
             own.step(&mut cpu, torques)?;
         }
         new()?.roll(&mut all, &frames.concat(), 30)?;
-        let name = format!("{setting}, {precision:?}");
+        let name = format!("{} in {setting}, {precision:?}", system.name);
         checks
             .demand(one.states == all.states && one.frames == all.frames, format!("{name}: frames one by one and in a row, the same bits"));
         let d = system.robot.state_dim();

@@ -8,7 +8,7 @@ pub use std::time::Instant;
 pub use nerd_model::folder::Model;
 pub use nerd_model::pick::Setting;
 pub use nerd_model::transformer::{Architecture, ForwardError, Positions, Stream, TransformerConfig, Weights};
-pub use nerd_sim::articulated::device::{CudaArticulated, Real};
+pub use nerd_sim::articulated::device::{CudaArticulated, Reach, Real};
 pub use nerd_sim::dataset::GenerateConfig;
 pub use nerd_sim::prelude::*;
 pub use nerd_tasks::{Episodes, named};
