@@ -54,13 +54,16 @@ impl Shac {
     /// Of a policy that has learned nothing, whose spread is narrowed; `seed` is that of the critic's weights.
     ///
     /// # Errors
-    /// If the task or the solver has no slopes.
+    /// If the task, the solver or what sensors show has no slopes.
     pub fn new(episodes: &mut Episodes, policy: &mut Policy, config: &PpoConfig, seed: u64, ranks: &Arc<Ranks>) -> Result<Self> {
         if episodes.task.slopes().is_none() {
             refuse!(
                 "task `{}` is not written in formulas (nerd_tasks::formula), so it has no slopes: train it by PPO",
                 episodes.task.name()
             );
+        }
+        if episodes.simulation.batch.system.sensed() {
+            refuse!("what a policy sees late or with noise has no slopes: leave noise and lag out of [vary], or train it by PPO");
         }
         // What a solver has no slopes of it says when it is asked.
         let Simulation { batch, solver } = &mut episodes.simulation;
