@@ -5,7 +5,7 @@ use nerd_sim::rig::LATEST;
 use nerd_sim::vary::{self, VarySpec};
 use nerd_sim::{prelude::*, solver::Fault};
 use nerd_tasks::formula::{Formulas, Number, Sight, written};
-use nerd_tasks::{About, Episodes, StepResult, named};
+use nerd_tasks::{About, Episodes, StepResult, Work, named};
 
 use crate::cpp::Compiler;
 use crate::{doubles, every, recorded, some};
@@ -137,6 +137,11 @@ fn is_the_same(compiler: &Compiler, name: &str, system: &Arc<System>) -> bool {
     assert_eq!(made.frames, episodes.simulation.batch.frames, "{name}: frames");
     assert_eq!(made.begun, after.begun, "{name}: episodes begun");
     let width = task.observation_dim();
+    if system.sensed() {
+        let mut bare = vec![0.0; width];
+        task.observe(episodes.view(0), &mut Work::new(system), &mut bare);
+        assert!(apart(&bare, &episodes.observations()[..width]) > 1e-3, "{name}: its sensors show no noise");
+    }
     let ended = |env: usize| ends[env] > 0;
     let expected = (0..N).flat_map(|env| {
         let now = &episodes.observations()[env * width..][..width];

@@ -6,7 +6,7 @@ int main() {
     b.states = take_in<double>(frames * STATE), b.goals = take_in<double>(frames * GOALS), b.torques = take_in<double>(frames * NJ);
     b.reached = take_in<double>(steps * STATE), b.seen = take_in<double>((steps + n) * SEEN), b.rows = take_in<double>(rows * SEEN);
     b.mean = take_in<double>(SEEN), b.inverse = take_in<double>(SEEN), b.shares = take_in<double>(steps);
-    const double *pushed = take_in<double>(frames * NJ), *scene = take_in<double>(SCENE);
+    const double *pushed = take_in<double>(frames * NJ), *scenes = take_in<double>(n * SCENE);
     b.drawn = take_in<float>(steps * ACTIONS), b.means = take_in<float>(steps * ACTIONS);
     const float* by_seen = take_in<float>(steps * SEEN);
     b.by_rows = take_in<float>(rows * SEEN);
@@ -16,7 +16,7 @@ int main() {
     b.without = new unsigned[n](), b.scale = 0.25, b.horizon = horizon;
     int* of = new int[n]();
     World w = {};
-    w.scenes = scene, w.scene_of = of, w.n = n;
+    w.scenes = scenes, w.scene_of = of, w.n = n;
     for (int t = horizon - 1; t >= 0; t--) {
         b.by_seen = by_seen + t * n * SEEN;
         for (int env = 0; env < n; env++) arrive_back(w, b, t, env);
