@@ -28,7 +28,7 @@ pub(crate) fn sound(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> 
 }
 
 /// The same, but for what the solver can do.
-fn numbers(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
+pub(crate) fn numbers(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     batch.check().map_err(StepError::Solver)?;
     let system = &*batch.system;
     let (d, joints) = (system.robot.state_dim(), system.robot.joint_count());

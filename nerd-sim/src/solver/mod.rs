@@ -9,7 +9,7 @@ mod refusal;
 pub(crate) use check::gone;
 pub use check::{check, check_kin, commit};
 #[cfg(feature = "cuda")]
-pub(crate) use check::{finish, sound};
+pub(crate) use check::{finish, numbers, sound};
 pub use refusal::{Capabilities, Fault, Slopes, StepError};
 
 use crate::prelude::*;

@@ -6,7 +6,7 @@ use super::program::{Reach, fault};
 use super::{motion::Motion, rows::Rows, scenes::take};
 use crate::prelude::*;
 use crate::solver::device::{Back, Held, Resident, Trail, acting, failed};
-use crate::solver::{Fault, Slopes, finish, sound};
+use crate::solver::{Fault, Slopes, finish, numbers, sound};
 
 impl<M: Motion> Resident for OnDevice<M> {
     fn hold(&mut self, batch: &Batch) -> Result<(), StepError> {
@@ -69,6 +69,11 @@ struct Made {
     rows: Option<Rows>,
 }
 
+/// As every solver looks at a batch; motors of a family are stepped with it.
+fn looked_at(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
+    if Reach::of(batch).own.rigged() { numbers(batch, torques, faults) } else { sound(batch, torques, faults) }
+}
+
 impl<M: Motion> OnDevice<M> {
     /// Nothing is opened before its first step.
     pub fn by(motion: M) -> Self {
@@ -77,7 +82,7 @@ impl<M: Motion> OnDevice<M> {
 
     /// Prepares for a batch of which every environment is sound.
     fn take_all(&mut self, batch: &Batch, torques: &[f64]) -> Result<(), StepError> {
-        sound(batch, torques, &mut self.faults)?;
+        looked_at(batch, torques, &mut self.faults)?;
         if !self.faults.is_empty() {
             return Err(StepError::Environments(std::mem::take(&mut self.faults)));
         }
@@ -113,7 +118,7 @@ impl<M: Motion> Roll for OnDevice<M> {
         if frames == 0 || (!hold && torques.len() != frames * width) {
             return Err(StepError::torques(torques.len(), n, joints));
         }
-        sound(batch, &torques[..width], &mut self.faults)?;
+        looked_at(batch, &torques[..width], &mut self.faults)?;
         let columns = acting(torques, joints);
         if columns.is_none()
             && let Some(at) = torques[width..].iter().position(|x| !x.is_finite())
