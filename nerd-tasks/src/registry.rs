@@ -35,7 +35,11 @@ const OWN: [(&str, &str); 9] = [
 ];
 
 /// Files of tasks for any robot.
-const GENERAL: [(&str, &str); 2] = [("walk", include_str!("../assets/walk.toml")), ("stand", include_str!("../assets/stand.toml"))];
+const GENERAL: [(&str, &str); 3] = [
+    ("walk", include_str!("../assets/walk.toml")),
+    ("stand", include_str!("../assets/stand.toml")),
+    ("reach", include_str!("../assets/reach.toml")),
+];
 
 /// Names of all tasks that have a robot.
 pub fn names() -> Vec<&'static str> {

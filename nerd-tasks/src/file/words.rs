@@ -26,6 +26,10 @@ pub(super) struct Facts {
     pub body: Vec<usize>,
     /// Time of a step (s).
     step: f64,
+    /// Where the longest chain of links ends: the link, and the place in its axes. Where that is, and where the chain begins (m); its length.
+    tool: (usize, [f64; 3]),
+    ends: [Vector3<f64>; 2],
+    reach: f64,
 }
 
 /// A link stands whose lowest place is within this share of the standing height of the lowest.
@@ -51,7 +55,18 @@ impl Facts {
         let size = (0..3).map(side).map(|[a, b]| b - a).fold(0.0, f64::max);
         let plane = scene.colliders.iter().filter_map(|c| c.plane.as_ref()).find(|plane| plane.normal.dot(&up) > 0.99);
         let floor = plane.map_or(0.0, |plane| plane.offset);
-        Self { system: system.clone(), up, floor, standing, size, feet, body, step }
+        let origin = |link: usize| data.origin + data.position[link];
+        let (mut lengths, mut first) = (vec![0.0; robot.links.len()], (0..robot.links.len()).collect::<Vec<_>>());
+        for (link, parent) in robot.links.iter().enumerate().filter_map(|(k, link)| Some((k, link.parent?))) {
+            lengths[link] = lengths[parent] + (origin(link) - origin(parent)).norm();
+            first[link] = first[parent];
+        }
+        let last = (0..robot.links.len()).max_by(|a, b| lengths[*a].total_cmp(&lengths[*b])).unwrap_or(0);
+        let fixed = robot.frames.iter().filter(|frame| frame.link == Some(last)).map(|frame| frame.pose.translation.vector);
+        let tip = fixed.max_by(|a, b| a.norm().total_cmp(&b.norm())).unwrap_or_default();
+        let (reach, ends) = (lengths[last] + tip.norm(), [point_position(&data, last, &tip), origin(first[last])]);
+        let tool = (last, tip.into());
+        Self { system: system.clone(), up, floor, standing, size, feet, body, step, tool, ends, reach }
     }
 
     /// Axes of the root by rows of the world's: `[i][j]` is how far its axis j goes along the world's axis i.
@@ -108,6 +123,13 @@ impl Facts {
             "kp" => specs(&|joint| joint.kp),
             "kd" => specs(&|joint| joint.kd),
             "gain" => specs(&|joint| joint.gain.unwrap_or(joint.torque)),
+            "most" => {
+                let most = |(joint, spec): (&nerd_sim::nerd_core::robot::Joint, &nerd_sim::system::JointSpec)| {
+                    let known = [spec.gain.unwrap_or(spec.torque), joint.effort, spec.kp];
+                    known.into_iter().find(|x| *x > 0.0 && x.is_finite()).unwrap_or(1.0)
+                };
+                list(robot.joints().zip(system.joint_specs()).map(most).collect(), Of::Joints)
+            }
             "low" => joints(&limit(false)),
             "high" => joints(&limit(true)),
             "gap" => {
@@ -122,6 +144,13 @@ impl Facts {
             "size" => known(self.size),
             "standing" => known(self.standing),
             "step" => known(self.step),
+            "reach" => known(self.reach),
+            "rest_tool" => list(self.ends[0].as_slice().to_vec(), Of::Numbers),
+            "shoulder" => list(self.ends[1].as_slice().to_vec(), Of::Numbers),
+            "tool" => {
+                let (link, local) = self.tool;
+                ((0..3).map(|axis| tape.leaf(Leaf::Place { link, local, axis }, f64::NAN)).collect(), Of::Numbers)
+            }
             "pi" => known(std::f64::consts::PI),
             "deg" => known(std::f64::consts::PI / 180.0),
             "position" | "quaternion" | "twist" | "height" | "up" | "forward" | "velocity" | "spin" | "world_velocity" | "world_spin"
@@ -149,8 +178,8 @@ impl Facts {
     }
 
     /// Words that there are, beside those of parts of a file.
-    pub const WORDS: &str = "q, qd, rest, low, high, kp, kd, gain, position, quaternion, twist, height, up, forward, velocity, spin, \
-                             world_velocity, world_spin, gap, radius, feet, body, mass, weight, size, standing, step, pi, deg, action, \
+    pub const WORDS: &str = "q, qd, rest, low, high, kp, kd, gain, most, position, quaternion, twist, height, up, forward, velocity, spin, \
+                             world_velocity, world_spin, gap, radius, feet, body, mass, weight, size, standing, step, tool, rest_tool, shoulder, reach, pi, deg, action, \
                              last_action, torque";
 
     /// Where a link or a frame on one is: the link, and the place in its axes.

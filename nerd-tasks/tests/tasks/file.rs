@@ -87,7 +87,6 @@ fn what_is_wrong_with_a_file_is_said_with_its_place() {
     let said = |name: &str| named(name).err().map(|e| e.to_string()).unwrap_or_default();
     assert!(said("walk").contains("name one with --robot"), "{}", said("walk"));
     assert!(said("walk@cartpole").contains("the base of `cartpole` is fixed"), "{}", said("walk@cartpole"));
-    assert!(said("ant-run@ant").contains("leave `@ant` out"), "{}", said("ant-run@ant"));
     assert!(said("no/such.toml").contains("no/such.toml"), "{}", said("no/such.toml"));
 }
 

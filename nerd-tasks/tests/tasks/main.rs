@@ -15,9 +15,9 @@ use nerd_sim::articulated::device::{Reach, record};
 use nerd_sim::{prelude::*, system::Source};
 use nerd_tasks::{Episodes, named, names};
 
-/// Built-in tasks, and one for any robot that remembers its actions.
+/// Built-in tasks, and two of those for any robot, one of which remembers its actions.
 fn every() -> Vec<&'static str> {
-    names().into_iter().chain(["walk@anymal"]).collect()
+    names().into_iter().chain(["walk@anymal", "reach@franka"]).collect()
 }
 
 fn solver(which: &str, system: &System) -> Box<dyn Solver> {

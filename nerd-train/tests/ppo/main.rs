@@ -6,6 +6,7 @@ mod common;
 mod cpp;
 #[path = "../../../nerd-sim/tests/common/differences.rs"]
 mod differences;
+mod file;
 mod kernels;
 mod lead;
 mod learning;

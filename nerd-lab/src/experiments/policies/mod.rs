@@ -69,7 +69,7 @@ impl Policies {
     fn host(&self, task: &str) -> Result<(PathBuf, Truth)> {
         let robot = nerd_tasks::named(task)?.robot();
         let folder = self.model.clone().unwrap_or_else(|| shipped::model_of_task(task, robot));
-        let alone = self.alone() && self.model.is_none() && !folder.exists();
+        let alone = self.alone() && self.model.is_none() && !folder.join("config.json").exists();
         let truth = if alone { Truth::default() } else { ModelConfig::truth_of(&folder)? };
         Ok((folder, truth))
     }

@@ -65,7 +65,56 @@ pub(super) fn bend(robot: &Robot, state: &mut [f64]) -> bool {
                 *q = limit.map_or(*q, |limit| q.clamp(limit.lower, limit.upper));
             }
         }
+        // To a milliradian: it is a guess.
+        for link in &own {
+            let (q, limit) = (&mut state[at(*link)], robot.links[*link].joint.as_ref().and_then(|joint| joint.limit));
+            *q = (*q * 1e3).round() / 1e3 + 0.0;
+            *q = limit.map_or(*q, |limit| q.clamp(limit.lower, limit.upper));
+        }
         bent = true;
     }
     bent
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A trunk on two legs of a hip and a knee that cannot be straight: it stands on bent ones, its feet below its hips.
+    #[test]
+    fn legs_that_cannot_be_straight_are_bent_until_feet_are_below_hips() {
+        let link = |name: &str, z: f64| {
+            format!(
+                "<link name=\"{name}\"><inertial><origin xyz=\"0 0 {z}\"/><mass value=\"1\"/><inertia ixx=\".01\" iyy=\".01\" izz=\".01\" ixy=\"0\" \
+                 ixz=\"0\" iyz=\"0\"/></inertial><collision><origin xyz=\"0 0 {}\"/><geometry><sphere radius=\".02\"/></geometry></collision></link>",
+                2.0 * z
+            )
+        };
+        let joint = |name: &str, parent: &str, y: f64, z: f64, low: f64, high: f64| {
+            format!(
+                "<joint name=\"{name}_joint\" type=\"revolute\"><parent link=\"{parent}\"/><child link=\"{name}\"/><origin xyz=\"0 {y} {z}\"/><axis \
+                 xyz=\"0 1 0\"/><limit lower=\"{low}\" upper=\"{high}\" effort=\"20\" velocity=\"10\"/></joint>"
+            )
+        };
+        let leg = |side: &str, y: f64| {
+            let (thigh, calf) = (format!("{side}_thigh"), format!("{side}_calf"));
+            let links = link(&thigh, -0.1) + &link(&calf, -0.1);
+            links + &joint(&thigh, "trunk", y, 0.0, -1.5, 3.0) + &joint(&calf, &thigh, 0.0, -0.2, -2.7, -0.8)
+        };
+        let text = format!("<robot name=\"biped\">{}{}{}</robot>", link("trunk", 0.1), leg("left", 0.1), leg("right", -0.1));
+        let mut robot = UrdfRobot::read(&text, Base::Floating).expect("a robot").robot;
+        let mut state = robot.zero_state();
+        assert!(bend(&robot, &mut state));
+        let (mut data, coords) = (Data::new(&robot), robot.root_coords());
+        kinematics(&robot, &state, &mut data);
+        for calf in [2, 4] {
+            let hip = data.position[calf - 1];
+            let foot = point_position(&data, calf, &Vector3::new(0.0, 0.0, -0.2)) - data.origin - hip;
+            let knee = state[coords + calf - 1];
+            assert!(foot.x.abs() < 1e-3 && (-0.32..-0.28).contains(&foot.z) && knee < -0.8, "foot at {foot:?}, knee at {knee}");
+        }
+        // Whose joints can all be at zero stands straight.
+        robot.joints_mut().for_each(|joint| joint.limit.iter_mut().for_each(|limit| limit.upper = 1.0));
+        assert!(!bend(&robot, &mut robot.zero_state()));
+    }
 }
