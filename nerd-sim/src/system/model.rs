@@ -4,6 +4,7 @@ use nerd_core::robot::MeshFile;
 use toml::Table;
 
 use super::built_in::{BUILT_IN, CABLES, FAMILIES, FOREIGN};
+use super::derive::rotor;
 use super::validate::check;
 use super::{folds::Folds, motors::Motors, spec::JointSpec};
 use crate::internal::*;
@@ -211,6 +212,16 @@ impl System {
     /// Amplitude of random torques by joint (N m or N).
     pub fn torque_amplitudes(&self) -> Vec<f64> {
         self.joint_specs().map(|j| j.torque).collect()
+    }
+
+    /// The same with a rotor at each joint that has none, if its file knows what it can do: the guess for a joint that nothing else resists.
+    /// No URDF has rotors, and light links without them ask for short steps.
+    pub fn with_rotors(mut self) -> Self {
+        for (joint, spec) in self.robot.joints_mut().zip(&mut self.spec.joints).filter(|(joint, _)| joint.armature == 0.0) {
+            spec.armature = rotor(joint);
+            joint.armature = spec.armature;
+        }
+        self
     }
 
     /// The same with frames of another time (s), or of other substeps.

@@ -17,6 +17,9 @@ pub(super) struct Keys {
     pub frame_time: Option<f64>,
     /// Substeps of a frame [default: the robot's].
     pub substeps: Option<usize>,
+    /// Whether joints without armature have a rotor.
+    #[serde(default)]
+    pub rotors: bool,
     /// Frames of a step.
     #[serde(default = "one")]
     pub frames: u64,

@@ -44,6 +44,9 @@ impl FileTask {
         if keys.frame_time.is_some() || keys.substeps.is_some() {
             system = Arc::new(system.paced(keys.frame_time, keys.substeps)?);
         }
+        if keys.rotors {
+            system = Arc::new(Arc::unwrap_or_clone(system).with_rotors());
+        }
         let usual = system.spec.data_scene.clone().unwrap_or_else(|| "free".into());
         let scene = system.scene(keys.scene.as_ref().unwrap_or(&usual))?;
         let facts = Facts::new(&system, &scene, system.frame_time * keys.frames as f64);

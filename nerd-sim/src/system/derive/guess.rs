@@ -137,8 +137,7 @@ pub(crate) fn derived(
     for (joint, spec) in
         bare(robot, BARE * robot.mass() * extent * extent).into_iter().zip(&mut joints).filter_map(|(bare, spec)| Some((bare?, spec)))
     {
-        spec.armature =
-            if joint.effort.is_finite() && joint.velocity.is_finite() { rounded(joint.effort * START / joint.velocity) } else { 0.0 };
+        spec.armature = rotor(&joint);
     }
     let guessed = joints.iter().filter(|j| j.armature > 0.0).map(|j| format!("{} {}", j.name, j.armature)).collect::<Vec<_>>().join(", ");
     if !guessed.is_empty() {
@@ -246,6 +245,12 @@ fn joint_spec(joint: &Joint, torque: f64, default: f64, [weight, extent]: [f64; 
         reset: StartSpec { q: about(near), ..StartSpec::default() },
         ..JointSpec::default()
     }
+}
+
+/// The inertia of a motor's rotor at its joint (kg m^2 or kg); 0 where its file says too little.
+pub(crate) fn rotor(joint: &Joint) -> f64 {
+    let known = joint.effort.is_finite() && joint.velocity.is_finite() && joint.velocity > 0.0;
+    if known { rounded(joint.effort * START / joint.velocity) } else { 0.0 }
 }
 
 /// The joints that no link resists in some pose, each where it is among all; `least` is an inertia that rounding alone leaves.

@@ -19,7 +19,7 @@ mod stance;
 #[cfg(feature = "meshes")]
 mod wheel;
 
-pub(crate) use guess::{derived, floats, stiffness};
+pub(crate) use guess::{derived, floats, rotor, stiffness};
 pub(crate) use limits::stiffen;
 #[cfg(feature = "meshes")]
 pub(crate) use meshes::touch;
