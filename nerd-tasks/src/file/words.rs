@@ -179,8 +179,8 @@ impl Facts {
 
     /// Words that there are, beside those of parts of a file.
     pub const WORDS: &str = "q, qd, rest, low, high, kp, kd, gain, most, position, quaternion, twist, height, up, forward, velocity, spin, \
-                             world_velocity, world_spin, gap, radius, feet, body, mass, weight, size, standing, step, tool, rest_tool, shoulder, reach, pi, deg, action, \
-                             last_action, torque";
+                             world_velocity, world_spin, gap, radius, feet, body, mass, weight, size, standing, step, tool, rest_tool, \
+                             shoulder, reach, pi, deg, action, last_action, torque";
 
     /// Where a link or a frame on one is: the link, and the place in its axes.
     pub fn frame(&self, name: &str) -> Option<(usize, Vector3<f64>, Matrix3<f64>)> {

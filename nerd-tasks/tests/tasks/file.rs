@@ -65,8 +65,8 @@ fn what_is_wrong_with_a_file_is_said_with_its_place() {
     let cases = [
         (("\"up\"", "\"upp\""), "observation.1, column 1: no word `upp`: choose from ahead, aside, turn, asked, "),
         (("\"q - rest\"", "\"q - 2 * velocity\""), "observation.3, column 5: 12 numbers with 3: as many are needed, or one"),
-        (("max(0, follows", "max(0, (follows"), "reward, column "),
-        (("max(0, follows", "pow(follows, follows"), "reward, column 8: no function `pow`: choose from exp, "),
+        (("max(0, 0.3", "max(0, (0.3"), "reward, column "),
+        (("max(0, 0.3", "pow(0.3, 0.3"), "reward, column 8: no function `pow`: choose from exp, "),
         (("step * max(0,", "q + max(0,"), "reward: one number is needed, and this has 12; write sum(..) or mean(..)"),
         (("height < 0.4 * standing", "torque[0] < 1"), "over, column 16: `torque` is known in the reward alone"),
         (("gap[body]", "gap[\\\"wing\\\"]"), "over, column 54: no link with contact points `wing`: choose from "),
@@ -117,11 +117,11 @@ fn no_text_brings_a_task_down() {
         "!".repeat(40) + "1",
         "[q".to_string() + &",q".repeat(900),
     ] {
-        let text = whole.replace("max(0, follows", &format!("max(0, {deep} + follows"));
+        let text = whole.replace("max(0, 0.3", &format!("max(0, {deep} + 0.3"));
         assert!(FileTask::new("deep", &text, Some("ant")).is_err(), "{deep}");
     }
     let twice = (0..40).map(|k| format!("a{} = \"[a{k}, a{k}]\"\n", k + 1)).collect::<String>();
-    let text = whole.replace("[let]", &format!("[let]\na0 = \"q\"\n{twice}")).replace("max(0, follows", "max(0, sum(a40) + follows");
+    let text = whole.replace("[let]", &format!("[let]\na0 = \"q\"\n{twice}")).replace("max(0, 0.3", "max(0, sum(a40) + 0.3");
     let said = FileTask::new("twice", &text, Some("ant")).err().map(|e| e.to_string()).unwrap_or_default();
     assert!(said.contains("are borne"), "{said}");
 }
