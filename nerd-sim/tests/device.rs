@@ -353,6 +353,51 @@ fn robots_of_a_family_move_as_their_solvers_have_them() {
     }
 }
 
+/// A motion without a card, which steps robots of their own.
+#[cfg(feature = "cuda")]
+struct Nowhere(ArticulatedConfig);
+
+#[cfg(feature = "cuda")]
+impl nerd_sim::articulated::device::Motion for Nowhere {
+    fn capabilities(&self) -> Capabilities {
+        Capabilities { systems: true, ..Capabilities::default() }
+    }
+
+    fn config(&self) -> &ArticulatedConfig {
+        &self.0
+    }
+
+    fn open(&mut self, _: &Batch, _: Reach) -> Result<(), StepError> {
+        Ok(())
+    }
+
+    fn device(&self) -> Option<&nerd_cuda::Device> {
+        None
+    }
+
+    fn advance(&mut self, _: &nerd_sim::articulated::device::Held, _: &[u64], _: usize, _: bool) -> Result<(), nerd_cuda::DeviceError> {
+        Ok(())
+    }
+
+    fn frame(&self, _: &nerd_sim::articulated::device::Held) -> Result<(), nerd_cuda::DeviceError> {
+        Ok(())
+    }
+}
+
+/// A card steps motors of a family with its robots; of a robot that no `[vary]` tells of, it refuses them.
+#[cfg(feature = "cuda")]
+#[test]
+fn motors_of_a_family_are_no_reason_to_refuse_it() {
+    let late = VarySpec { delay: Some(Range { low: 1.0, high: 2.0 }), ..VarySpec::default() };
+    let Case { mut batch, torques, config } = family("pendulum", "free", late);
+    let mut solver = nerd_sim::articulated::device::OnDevice::by(Nowhere(config));
+    solver.step(&mut batch, &torques).expect("a family");
+    batch.system = batch.systems.swap_remove(0);
+    batch.systems.clear();
+    let said = solver.step(&mut batch, &torques).expect_err("one late robot").to_string();
+    assert!(said.contains("motors of its own"), "{said}");
+}
+
 /// How far gradients are from the solver's, by environment in order: next states, and gradients by states and torques, against the size of their
 /// row.
 fn back_apart(case: &Case, compiler: &Compiler, real: Real) -> Vec<f64> {

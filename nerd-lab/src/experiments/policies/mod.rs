@@ -35,7 +35,7 @@ settings! {
         model: Option<PathBuf> = None, Text;
         /// Play in the truth alone
         truth_only: bool = false, Flag;
-        /// Play on robots of a family in the truth, as `ant-family` or a TOML of one, a robot a game, and in no model
+        /// Play on robots of a family in the truth, as `ant-family` or the path of a URDF whose TOML has [vary], a robot a game, and in no model
         family: Option<String> = None, Text;
         /// Games of each policy (the paper: 2048)
         games: usize = 2048, Whole(STARTS);
@@ -89,8 +89,14 @@ impl Policies {
         let (model, truth) = self.host(task)?;
         depend(inputs, task, truth)?;
         if let Some(family) = &self.family {
-            inputs.add(Input::robot(&*System::named(family)?));
-            inputs.add(input_of(task, &Arena::family(task, family, truth, self.device)?)?);
+            let (arena, path) = (Arena::family(task, family, truth, self.device)?, Path::new(family));
+            if path.exists() {
+                // A file of one's own is not found again by a robot's name.
+                inputs.add(Input::files(family, &[path.into(), path.with_extension("toml")])?);
+            } else {
+                inputs.add(Input::robot(&*System::named(family)?));
+                inputs.add(input_of(task, &arena)?);
+            }
         }
         if learned {
             inputs.add(Input::model(&model)?);
