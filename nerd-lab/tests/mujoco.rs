@@ -3,8 +3,12 @@
 
 use std::path::{Path, PathBuf};
 
+use nerd_lab::mujoco::player::{self, Gaps};
 use nerd_lab::mujoco::{Mujoco, Referee, Scheme, apart, from_mujoco, to_mujoco};
 use nerd_sim::{mjcf::mjcf, prelude::*};
+use nerd_tasks::named;
+use nerd_train::onnx::export;
+use nerd_train::ppo::{Arena, Policy, PpoConfig, Shape};
 
 /// A robot and one of its scenes.
 fn place(robot: &str, scene: &str) -> (Arc<System>, Arc<Scene>) {
@@ -194,5 +198,27 @@ fn mujoco_as_a_solver_has_no_memory() {
                 assert!(apart < 0.05, "{robot}, frame {frame}: MuJoCo is {apart:.1e} away after one frame");
             }
         }
+    }
+}
+
+/// Policies of random weights: what MuJoCo's player makes of its states by contract and ONNX is what task and policy make of them.
+#[test]
+fn an_exported_policy_is_played_by_its_contract_alone() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("policy.onnx");
+    for name in ["cartpole-swingup", "ant-point", "anymal-side", "walk@go2"] {
+        let (task, ppo) = (named(name).expect("a task"), PpoConfig { stack: 2, ..PpoConfig::default() });
+        let policy = Policy::new(Shape::of(&*task, &ppo), &mut stream(5, 0));
+        let contract = export(&policy, &*task, &out).expect("written");
+        let games = |python: &Path| {
+            player::play(python, &out, &contract, &policy, Arena::Truth(Truth::Articulated).episodes(name, 2, 3).expect("episodes"))
+        };
+        let refused = games(Path::new("/bin/true")).expect_err("no MuJoCo").to_string();
+        assert!(refused.contains("MuJoCo") && !refused.contains('\n'), "{refused}");
+        let Some(python) = python() else { return };
+        let played = games(&python).expect("played");
+        assert_eq!(played.games.len(), 2);
+        let Gaps { observation, action, torque } = played.apart;
+        assert!(observation < 1e-9 && action < 1e-4 && torque < 1e-4, "{name}: {:?}", played.apart);
     }
 }

@@ -15,6 +15,7 @@ pub mod error;
 pub mod evaluate;
 pub mod learner;
 pub mod measured;
+pub mod onnx;
 pub mod ppo;
 mod prelude;
 pub mod prepare;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
 use nerd_lab::report::{Artifact, Input, Inputs, Provenance};
-use nerd_lab::survey::{STANDING, beside, find, read, standing};
+use nerd_lab::survey::{STANDING, beside, find, read, standing, standing_beside};
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct UrdfArgs {
@@ -14,8 +14,8 @@ pub struct UrdfArgs {
     /// Instead: what each does in ten seconds, a free one on a plane: joints held by drives, and without
     #[arg(long)]
     pub stand: bool,
-    /// Instead: how far accelerations are from those of MuJoCo, by a Python that has it
-    #[arg(long, value_name = "PYTHON", conflicts_with = "stand")]
+    /// Instead: how far accelerations are from those of MuJoCo, by a Python that has it; with --stand how far it is after a second of that
+    #[arg(long, value_name = "PYTHON")]
     pub mujoco: Option<PathBuf>,
     /// Folder to write the table into
     #[arg(long, value_name = "FOLDER")]
@@ -32,6 +32,7 @@ pub fn run(args: UrdfArgs) -> Result<()> {
     }
     let n = files.len();
     let (name, effort, (table, notes)) = match &args.mujoco {
+        Some(python) if args.stand => ("standing_beside_mujoco", n as f64, (standing_beside(&files, python), Vec::new())),
         Some(python) => ("beside_mujoco", n as f64, (beside(&files, python), Vec::new())),
         None if args.stand => ("standing", n as f64 * STANDING, (standing(&files), Vec::new())),
         None => ("urdfs", n as f64, read(&files)),

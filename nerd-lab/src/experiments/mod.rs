@@ -4,6 +4,7 @@
 pub mod calibrated;
 #[cfg(feature = "cuda")]
 pub(crate) mod card;
+pub mod carried;
 pub mod chart;
 pub mod family;
 pub mod games;

@@ -14,6 +14,7 @@ pub struct Entry {
 }
 
 pub static REGISTRY: &[Entry] = &[
+    entry::<super::carried::Carried>("carried", "Policies in MuJoCo by their ONNX and contract alone, beside the truth"),
     entry::<super::family::Family>("family", "Robots of a family beside models that are told or guess them, by the frames seen"),
     entry::<super::judges::Judges>(
         "judges",

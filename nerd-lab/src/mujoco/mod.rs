@@ -1,6 +1,7 @@
 //! MuJoCo as a referee and as a solver, for those who have one: a Python with MuJoCo is started when asked for.
 
 mod accelerations;
+pub mod player;
 mod referee;
 mod solver;
 

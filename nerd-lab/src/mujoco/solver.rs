@@ -8,7 +8,7 @@ use super::referee::{Referee, from_mujoco, to_mujoco};
 use crate::prelude::*;
 
 /// Steps of a frame: 1/480 s at sixty frames a second.
-const SUBSTEPS: usize = 8;
+pub(super) const SUBSTEPS: usize = 8;
 
 /// MuJoCo on one robot in one scene, with its default contacts and integrator. Every frame begins without what the one before
 /// had found, so that it is a function of the state as every solver's.

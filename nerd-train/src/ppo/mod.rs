@@ -59,7 +59,7 @@ pub use gae::{TERMINATED, TRUNCATED};
 pub use guess::Guess;
 pub use loss::Terms;
 pub use noise::StreamKey;
-pub use normalizer::RunningMoments;
+pub use normalizer::{RunningMoments, WIDEST};
 pub use pilot::Policies;
 pub use play::{Game, play};
 pub use policy::{Actor, Answer, Policy, Shape};

@@ -110,7 +110,7 @@ impl RunningMoments {
     }
 
     /// What a column is divided by.
-    pub(super) fn scale(&self, column: usize) -> f64 {
+    pub(crate) fn scale(&self, column: usize) -> f64 {
         (self.variance[column] + EPSILON).sqrt()
     }
 }

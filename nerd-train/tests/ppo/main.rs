@@ -10,6 +10,7 @@ mod file;
 mod kernels;
 mod lead;
 mod learning;
+mod onnx;
 mod pilot;
 mod policy;
 mod ranks;

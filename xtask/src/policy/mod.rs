@@ -1,13 +1,15 @@
-//! `cargo xtask policy train|co-train|evaluate|show`: policies trained on any solver, played on any other.
+//! `cargo xtask policy train|co-train|evaluate|show|export|carry`: policies trained on any solver, played on any other, carried elsewhere.
 
 use nerd_lab::cotrain::{CoTrainConfig, co_train};
-use nerd_lab::experiments::policies::Policies;
+use nerd_lab::experiments::{carried::Carried, policies::Policies};
 use nerd_train::ppo::{Algorithm, Learned, PolicyRun, PpoConfig, folder};
 use nerd_train::replay;
 
 mod arena;
+mod export;
 
 use arena::ArenaArgs;
+use export::ExportArgs;
 
 use crate::options::{Number, SEEDS};
 use crate::{measure::Conduct, out, prelude::*, ranks};
@@ -29,6 +31,10 @@ pub enum PolicyVerb {
     Evaluate(Conduct<Policies>),
     /// Write one episode as a page that any browser plays
     Show(ShowArgs),
+    /// Write a policy as ONNX, and beside it a contract that says what its numbers are
+    Export(ExportArgs),
+    /// Play policies in MuJoCo by their ONNX and contract alone, beside the truth
+    Carry(Conduct<Carried>),
 }
 
 #[derive(clap::Args, Clone, Debug)]
@@ -109,6 +115,8 @@ pub fn run(args: PolicyArgs) -> Result<()> {
         PolicyVerb::CoTrain(args) => cotrain(args),
         PolicyVerb::Evaluate(args) => args.try_out(),
         PolicyVerb::Show(args) => show(args),
+        PolicyVerb::Export(args) => args.run(),
+        PolicyVerb::Carry(args) => args.try_out(),
     }
 }
 

@@ -1,0 +1,173 @@
+"""Plays an exported policy in MuJoCo for `nerd_lab::mujoco::Player`. Of the policy it knows its ONNX and its contract, nothing else.
+
+JSON in, JSON out, a line each: `answer`, or `error`. First line: the `onnx` file, its `contract`, `mjcf` or the `path` of one, `substeps` a
+frame, `starts`, one an episode, as [qpos, qvel] of a free root, then of the contract's joints; the answer is versions. Every other line is one
+step of the episodes that are `live`, each with its `goal`; the answer is, by episode, the observation, the action, and by frame the torques of
+the contract's joints and the state that they led to, null once MuJoCo has given it up.
+"""
+
+import json
+import math
+import sys
+
+
+def say(answer, kind="answer"):
+    print(json.dumps({kind: answer}), flush=True)
+
+
+def turned(w, x, y, z):
+    """Rows of the rotation matrix of a quaternion."""
+    return [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+
+
+def wrap(x):
+    return (x + math.pi) % (2 * math.pi) - math.pi
+
+
+def main():
+    import hashlib
+
+    request = json.loads(sys.stdin.readline())
+    try:
+        import mujoco
+        import numpy
+        import onnxruntime
+    except ImportError as error:
+        return say(f"{error}; name a Python that has mujoco, numpy and onnxruntime", "error")
+    mujoco.set_mju_user_warning(lambda text: None)
+    contract, path, substeps = request["contract"], request.get("path"), request["substeps"]
+    with open(request["onnx"], "rb") as file:
+        network = file.read()
+    if hashlib.sha256(network).hexdigest() != contract["onnx_sha256"]:
+        return say("the ONNX is not the one of the contract", "error")
+    session = onnxruntime.InferenceSession(network, providers=["CPUExecutionProvider"])
+    model = mujoco.MjModel.from_xml_path(path) if path else mujoco.MjModel.from_xml_string(request["mjcf"])
+    model.opt.timestep = contract["frame_time"] / substeps
+    floating = model.njnt > 0 and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE
+    ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) for name in contract["joints"]]
+    if -1 in ids:
+        return say(f"the model has no joint {contract['joints'][ids.index(-1)]}", "error")
+    joint = dict(zip(contract["joints"], ids))
+    place = list(range(7 if floating else 0)) + [int(model.jnt_qposadr[k]) for k in ids]
+    rate = list(range(6 if floating else 0)) + [int(model.jnt_dofadr[k]) for k in ids]
+    bad = [getattr(mujoco.mjtWarning, "mjWARN_BAD" + what) for what in ("QPOS", "QVEL", "QACC")]
+    endless = {name: not model.jnt_limited[k] and model.jnt_type[k] == mujoco.mjtJoint.mjJNT_HINGE for name, k in joint.items()}
+    law, ahead = contract["law"], contract["law"].get("ahead", False)
+    axes = "xyz"
+
+    def q(data, name):
+        return float(data.qpos[model.jnt_qposadr[joint[name]]])
+
+    def qd(data, name):
+        return float(data.qvel[model.jnt_dofadr[joint[name]]])
+
+    def quantity(data, what, of, goal, past):
+        if what in ("last action", "action before last"):
+            return past[what == "action before last"][int(of)]
+        if what == "constant":
+            return 0.0
+        if what == "goal":
+            return goal[int(of)]
+        if what == "goal from root position":
+            k, axis = of.split()
+            return goal[int(k)] - data.qpos[axes.index(axis)]
+        if what.startswith("root"):
+            rows = turned(*data.qpos[3:7])
+            body = [[row[k] for row in rows] for k in range(3)]
+            along = lambda matrix, x: [sum(a * b for a, b in zip(row, x)) for row in matrix]
+            if what == "root quaternion":
+                return data.qpos[3 + "wxyz".index(of)]
+            if what == "root axis along world axis":
+                own, world = of.split()
+                return rows[axes.index(world)][axes.index(own)]
+            vector = {
+                "root position": lambda: data.qpos[:3],
+                "root velocity": lambda: data.qvel[:3],
+                "root angular velocity": lambda: along(rows, data.qvel[3:6]),
+                "root velocity in its axes": lambda: along(body, data.qvel[:3]),
+                "root angular velocity in its axes": lambda: data.qvel[3:6],
+            }[what]
+            return vector()[axes.index(of)]
+        return {
+            "joint position": lambda: q(data, of),
+            "joint velocity": lambda: qd(data, of),
+            "joint position within [-pi, pi)": lambda: wrap(q(data, of)),
+            "sine of joint position": lambda: math.sin(q(data, of)),
+            "cosine of joint position": lambda: math.cos(q(data, of)),
+        }[what]()
+
+    def observe(data, goal, past):
+        return [s["scale"] * float(quantity(data, s["quantity"], s["of"], goal, past)) + s["offset"] for s in contract["observation"]]
+
+    def torques(data, action):
+        """By joint of the contract."""
+        tau = dict.fromkeys(contract["joints"], 0.0)
+        if law["kind"] == "torque":
+            for a, x in zip(contract["action"], action):
+                tau[a["joint"]] += a["scale"] * x
+            return tau
+        gaps = {}
+        for a, x in zip(contract["action"], action):
+            name, now = a["joint"], q(data, a["joint"])
+            gap = a["scale"] * x if law["relative"] else a["default"] + a["scale"] * x - now
+            gaps[name] = [wrap(gap) if endless[name] and not law["relative"] else gap, qd(data, name)]
+        if ahead:
+            h, mass = contract["frame_time"], numpy.zeros((model.nv, model.nv))
+            mujoco.mj_forward(model, data)
+            for k, unit in enumerate(numpy.eye(model.nv)):
+                mujoco.mj_mulM(model, data, mass[k], unit)
+            push = -data.qfrc_bias
+            for a in contract["action"]:
+                k, (gap, speed) = model.jnt_dofadr[joint[a["joint"]]], gaps[a["joint"]]
+                mass[k, k] += h * (a["kd"] + h * a["kp"])
+                push[k] += a["kp"] * (gap - h * speed) - a["kd"] * speed
+            then = numpy.linalg.solve(mass, push)
+            for name, pair in gaps.items():
+                acceleration = float(then[model.jnt_dofadr[joint[name]]])
+                pair[0] -= h * (pair[1] + h * acceleration)
+                pair[1] += h * acceleration
+        for a in contract["action"]:
+            gap, speed = gaps[a["joint"]]
+            most = math.inf if a["torque"] is None else a["torque"]
+            tau[a["joint"]] = min(max(a["kp"] * gap - a["kd"] * speed, -most), most)
+        return tau
+
+    games = []
+    for start in request["starts"]:
+        data = mujoco.MjData(model)
+        data.qpos[place], data.qvel[rate] = start[: len(place)], start[len(place) :]
+        games.append([data, [], [[0.0] * len(contract["action"])] * 2])
+    say(f"MuJoCo {mujoco.__version__}, onnxruntime {onnxruntime.__version__}")
+
+    def step(data, frames, past, goal):
+        seen = observe(data, goal, past)
+        # The newest first; what was before an episode counts as its first.
+        frames[:] = ([seen] + frames if frames else [seen] * contract["observations_seen"])[: contract["observations_seen"]]
+        given = numpy.array(frames if len(frames) > 1 else seen, dtype=numpy.float32)[None]
+        action = session.run([contract["output"]], {contract["input"]: given})[0][0].tolist()
+        past[:] = [action, past[0]]
+        then = []
+        for _ in range(contract["frames_per_action"]):
+            tau = torques(data, action)
+            data.qfrc_applied[:] = 0.0
+            for name, x in tau.items():
+                data.qfrc_applied[model.jnt_dofadr[joint[name]]] = x
+            mujoco.mj_step(model, data, nstep=substeps)
+            state = data.qpos[place].tolist() + data.qvel[rate].tolist()
+            fine = all(abs(x) < 1e10 for x in state) and not any(data.warning[kind].number for kind in bad)
+            then.append([list(tau.values()), state if fine else None])
+        return [seen, action, then]
+
+    for line in sys.stdin:
+        asked = json.loads(line)
+        say([step(*games[k], goal) for k, goal in zip(asked["live"], asked["goals"])])
+
+
+try:
+    main()
+except Exception as error:
+    say(f"MuJoCo: {error}", "error")

@@ -1,0 +1,158 @@
+//! A policy as ONNX, for whoever has a runtime of it: what the robot sees in, mean actions within [-1, 1] out, with a contract beside it
+//! ([`Contract`]) that says what the numbers are.
+//!
+//! The graph is [`Policy::answer`] and [`crate::ppo::Actor::mean`] in f32:
+//!
+//! ```text
+//! frames ─ newest, differences ─ (x - mean) / scale ─ clip to 5 ─ Gemm, activation, ... Gemm ─ clip to 1 ─ action
+//! ```
+//!
+//! Its input is `observation` `[batch, numbers]`, or `observations` `[batch, frames, numbers]`, the newest first, of a policy that sees
+//! several: at the start of an episode all of them are the first. What is not asked of a policy that acts, value and spread, is left out.
+
+mod contract;
+mod law;
+mod quantity;
+mod terms;
+mod wire;
+
+use nerd_model::program::Activation;
+
+use crate::{ppo::Policy, prelude::*};
+use wire::Message;
+
+pub use contract::Contract;
+pub use terms::{Action, Law, Seen};
+
+/// Version of the operators, and of the format: the oldest that have all that is needed, so that old runtimes read it. GELU came late.
+fn versions(f: Activation) -> [u64; 2] {
+    if f == Activation::Gelu { [20, 9] } else { [13, 7] }
+}
+
+/// Kinds of numbers of a tensor.
+const FLOAT: u64 = 1;
+const INT64: u64 = 7;
+
+/// A graph, as it grows.
+#[derive(Default)]
+struct Graph(Message);
+
+impl Graph {
+    fn constant(&mut self, name: &str, kind: u64, shape: &[usize], raw: Vec<u8>) {
+        self.0.message(5, |tensor| {
+            shape.iter().for_each(|n| _ = tensor.number(1, *n as u64));
+            tensor.number(2, kind).bytes(8, name).bytes(9, raw);
+        });
+    }
+
+    fn floats(&mut self, name: &str, shape: &[usize], x: impl IntoIterator<Item = f32>) {
+        self.constant(name, FLOAT, shape, x.into_iter().flat_map(f32::to_le_bytes).collect());
+    }
+
+    fn index(&mut self, name: &str, x: usize) {
+        self.constant(name, INT64, &[1], (x as i64).to_le_bytes().into());
+    }
+
+    /// `output = operator(inputs)`, with its `axis` if it has one.
+    fn node(&mut self, operator: &str, inputs: &[&str], output: &str, axis: Option<u64>) {
+        self.0.message(1, |node| {
+            inputs.iter().for_each(|input| _ = node.bytes(1, input));
+            node.bytes(2, output).bytes(3, output).bytes(4, operator);
+            axis.into_iter().for_each(|axis| _ = node.message(5, |a| _ = a.bytes(1, "axis").number(3, axis).number(20, 2)));
+        });
+    }
+
+    /// What goes in (field 11) or comes out (12), of any number of rows.
+    fn port(&mut self, field: u64, name: &str, shape: &[usize]) {
+        let sizes = |sizes: &mut Message| {
+            sizes.message(1, |size| _ = size.bytes(2, "batch"));
+            shape.iter().for_each(|n| _ = sizes.message(1, |size| _ = size.number(1, *n as u64)));
+        };
+        let kind = |kind: &mut Message| _ = kind.message(1, |tensor| _ = tensor.number(1, FLOAT).message(2, sizes));
+        self.0.message(field, |port| _ = port.bytes(1, name).message(2, kind));
+    }
+}
+
+/// Name of what a policy takes in, and the sizes behind its rows.
+fn input(policy: &Policy) -> (&'static str, Vec<usize>) {
+    let (depth, width) = (policy.shape.stack, policy.shape.observation);
+    if depth == 1 { ("observation", vec![width]) } else { ("observations", vec![depth, width]) }
+}
+
+/// The model's file.
+pub fn model(policy: &Policy) -> Vec<u8> {
+    let (shape, mut graph) = (&policy.shape, Graph::default());
+    let (seen, sizes) = input(policy);
+    graph.port(11, seen, &sizes);
+    graph.port(12, "action", &[shape.action]);
+    let mut x = seen;
+    if shape.stack > 1 {
+        for (name, k) in [("zero", 0), ("one", 1), ("last", shape.stack - 1), ("all", shape.stack)] {
+            graph.index(name, k);
+        }
+        for (part, from, to) in [("newest", "zero", "one"), ("later", "zero", "last"), ("earlier", "one", "all")] {
+            graph.node("Slice", &[seen, from, to, "one"], part, None);
+        }
+        graph.node("Sub", &["later", "earlier"], "differences", None);
+        graph.node("Concat", &["newest", "differences"], "stacked", Some(1));
+        graph.node("Flatten", &["stacked"], "flat", Some(1));
+        x = "flat";
+    }
+    let columns = 0..shape.inputs();
+    graph.floats("mean", &[columns.len()], policy.seen.mean.iter().map(|x| *x as f32));
+    graph.floats("inverse", &[columns.len()], columns.map(|k| policy.seen.scale(k).recip() as f32));
+    graph.node("Sub", &[x, "mean"], "centred", None);
+    graph.node("Mul", &["centred", "inverse"], "scaled", None);
+    for (name, bound) in [("widest", crate::ppo::WIDEST as f32), ("most", 1.0)] {
+        graph.floats(name, &[], [bound]);
+        graph.floats(&format!("minus {name}"), &[], [-bound]);
+    }
+    graph.node("Clip", &["scaled", "minus widest", "widest"], "normalised", None);
+    let mut x = "normalised".to_string();
+    let (widths, mut at) = (shape.widths(), 0);
+    for (layer, pair) in widths.windows(2).enumerate() {
+        let (from, to, last) = (pair[0], pair[1], layer + 2 == widths.len());
+        // Of the last layer the mean action alone.
+        let kept = if last { shape.action } else { to };
+        let [weight, bias, sum, out] = ["weight", "bias", "sum", "out"].map(|what| format!("layer{layer}.{what}"));
+        let rows = policy.flat[at..at + from * to].chunks_exact(to);
+        graph.floats(&weight, &[from, kept], rows.flat_map(|row| row[..kept].iter().copied()));
+        graph.floats(&bias, &[kept], policy.flat[at + from * to..][..kept].iter().copied());
+        at += (from + 1) * to;
+        graph.node("Gemm", &[&x, &weight, &bias], &sum, None);
+        x = sum;
+        if !last {
+            let f = match shape.activation {
+                Activation::Gelu => "Gelu",
+                Activation::Relu => "Relu",
+                Activation::Tanh => "Tanh",
+                Activation::Elu => "Elu",
+            };
+            graph.node(f, &[&x], &out, None);
+            x = out;
+        }
+    }
+    graph.node("Clip", &[&x, "minus most", "most"], "action", None);
+    graph.0.bytes(2, "policy");
+    let ([operators, format], mut model) = (versions(shape.activation), Message::default());
+    model.number(1, format).bytes(2, "nerd-train").bytes(3, env!("CARGO_PKG_VERSION")).bytes(7, graph.0.0);
+    model.message(8, |set| _ = set.bytes(1, "").number(2, operators));
+    model.0
+}
+
+/// Writes the model, and its contract beside it: the same name with the ending `json`.
+///
+/// # Errors
+/// If a file cannot be written, or `out` is the contract's own name.
+pub fn export(policy: &Policy, task: &dyn Task, out: &Path) -> Result<Contract> {
+    let beside = out.with_extension("json");
+    if beside == out {
+        refuse!("--out {}: the contract will be there; name the model otherwise, as policy.onnx", out.display());
+    }
+    let bytes = model(policy);
+    let contract = Contract::of(policy, task, &bytes, input(policy).0, versions(policy.shape.activation)[0])?;
+    let text = serde_json::to_string_pretty(&contract).map_err(Error::file(&beside))?;
+    nerd_sim::files::write(out, &bytes).map_err(Error::file(out))?;
+    nerd_sim::files::write(&beside, (text + "\n").as_bytes()).map_err(Error::file(&beside))?;
+    Ok(contract)
+}

@@ -1,0 +1,39 @@
+//! Protocol Buffers' wire format, as much as a writer of ONNX needs: a crate for it would bring a compiler of schemas or thousands of
+//! generated lines for the seven messages that are written here.
+
+/// A message, as its fields are put in.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Message(pub Vec<u8>);
+
+impl Message {
+    fn varint(&mut self, mut n: u64) {
+        while n >= 128 {
+            self.0.push(n as u8 | 128);
+            n >>= 7;
+        }
+        self.0.push(n as u8);
+    }
+
+    /// A whole number.
+    pub fn number(&mut self, field: u64, n: u64) -> &mut Self {
+        self.varint(field << 3);
+        self.varint(n);
+        self
+    }
+
+    /// A text or raw bytes.
+    pub fn bytes(&mut self, field: u64, bytes: impl AsRef<[u8]>) -> &mut Self {
+        let bytes = bytes.as_ref();
+        self.varint(field << 3 | 2);
+        self.varint(bytes.len() as u64);
+        self.0.extend_from_slice(bytes);
+        self
+    }
+
+    /// A message, written by `write`.
+    pub fn message(&mut self, field: u64, write: impl FnOnce(&mut Self)) -> &mut Self {
+        let mut inner = Self::default();
+        write(&mut inner);
+        self.bytes(field, inner.0)
+    }
+}

@@ -1,0 +1,27 @@
+//! `cargo xtask policy export`: a policy for other simulators and robots.
+
+use nerd_train::ppo::folder;
+
+use crate::prelude::*;
+
+#[derive(clap::Args, Clone, Debug)]
+pub struct ExportArgs {
+    /// Folder of the policy
+    #[arg(long)]
+    pub policy: PathBuf,
+    /// ONNX file to write; the contract is beside it, with the ending json
+    #[arg(long, value_name = "FILE")]
+    pub out: PathBuf,
+}
+
+impl ExportArgs {
+    pub fn run(&self) -> Result<()> {
+        let (config, policy) = folder::load(&self.policy)?;
+        let contract = nerd_train::onnx::export(&policy, &*nerd_tasks::named(&config.task)?, &self.out)?;
+        let (seen, acted) = (contract.observation.len(), contract.action.len());
+        let (onnx, beside, rate) = (self.out.display(), self.out.with_extension("json"), contract.rate);
+        say!("{onnx}: {seen} numbers to {acted}, {rate:.4} a second, opset {}; what they are: {}", contract.opset, beside.display());
+        contract.unknown().iter().for_each(|line| tell!("{line}"));
+        Ok(())
+    }
+}
