@@ -124,7 +124,7 @@ fn a_contract_says_what_every_number_is() {
     assert!(franka.law == Law::Position { relative: true, ahead: false } && franka.frames_per_action == 2, "{:?}", franka.law);
     assert!(franka.observations_seen == 3 && franka.input == "observations" && franka.action[6].torque == Some(12.0), "{franka:?}");
     assert!(written("lead-tip", 1).law == Law::Own);
-    let walk = written("walk@go2", 1);
+    let walk = written("walk@anymal", 1);
     let last = walk.observation.last().and_then(|seen| seen.quantity.as_deref());
     assert!(walk.unknown().is_empty() && last == Some("last action") && (walk.rate - 50.0).abs() < 1e-9, "{walk:?}");
 }
