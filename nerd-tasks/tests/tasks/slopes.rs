@@ -42,13 +42,15 @@ fn differences(task: &dyn Task, scene: &Scene, work: &mut Work, at: &Place, held
     let robot = work.system.robot.clone();
     let Place { state, goal, action, torques, by: [seen, tau, reward] } = at;
     let (d, joints, h) = (2 * robot.nv(), torques.len(), 1e-6);
+    // Torques are tens of N m, of which a task may count little: a change of one is seen beside the rounding of its reward.
+    let beside = 1e-4;
     let mut said = |state: &[f64], action: &[f64], torques: &[f64]| {
         let (view, mut out, mut acts) = (View { state, goal, scene }, vec![0.0; seen.len()], vec![0.0; joints]);
         task.observe(view, work, &mut out);
         task.act(view, action, work, &mut acts);
         [dot(&out, seen), dot(&acts, tau), reward[0] * task.reward(view, torques, work)]
     };
-    let mut slope = |n: usize, which: usize, change: &dyn Fn(usize, f64) -> [Vec<f64>; 3]| -> Vec<f64> {
+    let mut slope = |n: usize, which: usize, h: f64, change: &dyn Fn(usize, f64) -> [Vec<f64>; 3]| -> Vec<f64> {
         let mut at = |k, h| {
             let [state, action, torques] = change(k, h);
             said(&state, &action, &torques)[which]
@@ -62,10 +64,10 @@ fn differences(task: &dyn Task, scene: &Scene, work: &mut Work, at: &Place, held
         moved(&robot, state, &change, &mut to);
         [to, action.clone(), torques.clone()]
     };
-    let acts = if held { Vec::new() } else { slope(d, 1, &by_state) };
-    let by_action = slope(action.len(), 1, &|k, by| [state.clone(), pushed(action, k, by), torques.clone()]);
-    let by_torques = slope(joints, 2, &|k, by| [state.clone(), action.clone(), pushed(torques, k, by)]);
-    [slope(d, 0, &by_state), acts, slope(d, 2, &by_state), by_action, by_torques]
+    let acts = if held { Vec::new() } else { slope(d, 1, h, &by_state) };
+    let by_action = slope(action.len(), 1, h, &|k, by| [state.clone(), pushed(action, k, by), torques.clone()]);
+    let by_torques = slope(joints, 2, beside, &|k, by| [state.clone(), action.clone(), pushed(torques, k, by)]);
+    [slope(d, 0, h, &by_state), acts, slope(d, 2, h, &by_state), by_action, by_torques]
 }
 
 /// Asks for what no task is rewarded for: distances and places at once, in roots, quotients and choices.
