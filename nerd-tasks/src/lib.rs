@@ -3,6 +3,7 @@
 pub mod body;
 mod drape;
 mod episodes;
+mod error;
 mod file;
 pub mod formula;
 mod lead_tip;
@@ -12,9 +13,10 @@ mod snapshot;
 mod task;
 
 pub use episodes::{Episodes, StepResult};
+pub use error::TaskError;
 pub use file::FileTask;
 pub use lead_tip::LeadTip;
-pub use registry::{TaskError, general, named, names, word};
+pub use registry::{general, named, names, word};
 pub use snapshot::{Beginning, Snapshot, Trace};
 pub use task::{About, Slopes, Task, View, Work, fast_start};
 

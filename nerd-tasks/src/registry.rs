@@ -2,24 +2,9 @@
 
 use std::path::Path;
 
-use nerd_sim::{files::read_text, system::SystemError};
+use nerd_sim::files::read_text;
 
-use crate::{FileTask, LeadTip, Task};
-
-/// Why there is no such task.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum TaskError {
-    /// No such built-in task, and no such file.
-    #[error("no task `{0}`: choose from {known}, or the path of a task's .toml", known = names().into_iter().chain(general()).collect::<Vec<_>>().join(", "))]
-    Unknown(String),
-    /// A file that could not be read, or whose text is wrong.
-    #[error("task `{0}`: {1}")]
-    File(String, String),
-    /// Its robot.
-    #[error(transparent)]
-    Robot(#[from] SystemError),
-}
+use crate::{FileTask, LeadTip, Task, TaskError};
 
 /// Files of tasks with a robot; the paper's in the order of its table, then others.
 const OWN: [(&str, &str); 9] = [
@@ -72,7 +57,7 @@ pub fn named(name: &str) -> Result<Box<dyn Task>, TaskError> {
         return Ok(Box::new(FileTask::new(name, text, robot)?));
     }
     if Path::new(task).extension().is_none_or(|ending| ending != "toml") {
-        return Err(TaskError::Unknown(name.into()));
+        return Err(TaskError::Unknown(name.into(), names().into_iter().chain(general()).collect::<Vec<_>>().join(", ")));
     }
     let text = read_text(Path::new(task)).map_err(|e| TaskError::File(task.into(), e.to_string()))?;
     Ok(Box::new(FileTask::new(name, &text, robot)?))

@@ -1,7 +1,8 @@
 //! Starts and the robot's own controller, as kernels for episodes on a device.
 
 use super::own::Own;
-use super::program::{Reach, Real, functions, number, record};
+use super::program::{Reach, Real, functions, record};
+use super::text::number;
 use crate::disturb::{NOISES, PUSHES, blocks, every, level};
 use crate::prelude::*;
 use crate::system::motors::LATEST;

@@ -14,6 +14,7 @@ mod rows;
 mod scenes;
 #[cfg(feature = "cuda")]
 mod solver;
+mod text;
 
 #[cfg(feature = "cuda")]
 pub use crate::solver::device::{Back, Held, Resident, Trail, failed};
@@ -22,8 +23,9 @@ pub use episode::{RANDOM, episode};
 #[cfg(feature = "cuda")]
 pub use motion::{BLOCK, Motion};
 pub use own::Own;
-pub use program::{Reach, Real, Text, fault, functions, number, packed, program, record, surfaces};
+pub use program::{Reach, Real, fault, functions, packed, program, record, surfaces};
 #[cfg(feature = "cuda")]
 pub use roll::{OnDevice, Roll};
 #[cfg(feature = "cuda")]
 pub use solver::{CudaArticulated, Whole};
+pub use text::{Text, number};

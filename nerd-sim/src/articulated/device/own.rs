@@ -4,7 +4,7 @@
 //! Every table of [`TABLES`] is a macro of the text: `MASS(t)` is the table itself, or the place of a tree's own numbers where `[vary]` changes them.
 
 use super::super::stiff::Bounds;
-use super::program::Text;
+use super::text::Text;
 use crate::prelude::*;
 use crate::system::vary::VarySpec;
 

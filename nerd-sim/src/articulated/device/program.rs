@@ -2,8 +2,6 @@
 //!
 //! The text is CUDA C++ for NVRTC. Any C++ compiler accepts it too, so the kernels are tested without a GPU.
 
-use std::fmt::Display;
-
 use nerd_core::dynamics::Factor;
 
 use super::super::energy::{FALL, FINEST, LABOUR, SHARE, WHIRL, WHIRL_RK4};
@@ -13,6 +11,7 @@ use super::super::stiff::{MOST, MOST_DRAG, MOST_RK4, POWERS};
 use super::super::touch::{CREEP, EVEN};
 use super::super::{along, fold::FOLLOWED};
 use super::own::Own;
+use super::text::{Text, number};
 use crate::prelude::*;
 use crate::system::capsules::{BARREL, Capsule};
 use crate::system::motors::{LATEST, WAVES};
@@ -69,29 +68,6 @@ impl Reach {
         let colliders = batch.scenes.iter().map(|s| s.colliders.len()).max().unwrap_or(0);
         Self { colliders, driven: !batch.drives.is_empty(), own: Own::of(batch) }
     }
-}
-
-/// A text with sizes and tables of the host.
-#[derive(Default)]
-pub struct Text(pub String);
-
-impl Text {
-    /// Names for what does not change.
-    pub fn define<T: Display>(&mut self, all: impl IntoIterator<Item = (&'static str, T)>) {
-        all.into_iter().for_each(|(name, value)| self.0 += &format!("#define {name} {value}\n"));
-    }
-
-    /// An array with at least one entry, since none may have none.
-    pub fn table(&mut self, kind: &str, name: &str, numbers: impl IntoIterator<Item = f64>) {
-        let mut entries: Vec<String> = numbers.into_iter().map(|x| format!("({kind}){}", number(x))).collect();
-        entries.resize(entries.len().max(1), "0".into());
-        self.0 += &format!("TABLE {kind} {name}[] = {{{}}};\n", entries.join(", "));
-    }
-}
-
-/// What is infinite is more than any number of a frame, and fits into an f32.
-pub fn number(x: f64) -> String {
-    format!("{:e}", x.clamp(-1e38, 1e38))
 }
 
 /// Vectors in 64 bits, the surfaces of a scene with so many colliders, and the numbers of faults: what needs no robot.
