@@ -14,7 +14,7 @@ pub struct ArenaArgs {
     /// Folder of the model of `neural` [default: models/TASK if it is there, else models/ROBOT]
     #[arg(long)]
     pub model: Option<PathBuf>,
-    /// Family of the task's robot, as `ant-family`, or the path of a URDF whose TOML has [vary]: one of its robots in each environment, drawn by
+    /// Family of the task's robot, as `ant-family`, or the path of a URDF whose TOML has `[vary]`: one of its robots in each environment, drawn by
     /// the seed. A model of it (models/FAMILY, or --model) has seen each come to where its episode begins
     #[arg(long, value_name = "ROBOT")]
     pub family: Option<String>,
