@@ -35,7 +35,7 @@ settings! {
         model: Option<PathBuf> = None, Text;
         /// Play in the truth alone
         truth_only: bool = false, Flag;
-        /// Play on robots of a family in the truth, as `ant-family` or the path of a URDF whose TOML has [vary], a robot a game, and in no model
+        /// Play on robots of a family in the truth, as `ant-family` or the path of a URDF whose TOML has `[vary]`, a robot a game, and in no model
         family: Option<String> = None, Text;
         /// Games of each policy (the paper: 2048)
         games: usize = 2048, Whole(STARTS);
