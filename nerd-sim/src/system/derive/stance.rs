@@ -5,12 +5,24 @@ use crate::internal::*;
 
 /// Height of a hip over its foot, of the most that the leg reaches in some poses.
 const REACH: f64 = 0.8;
+/// How far from there a foot may be, as a share of that reach.
+const OFF: f64 = 0.05;
 /// Poses in which that is looked for, and turns of the search.
 const POSES: usize = 256;
 const TURNS: usize = 200;
 
-/// Bends the legs of a robot on a free base, whose pose is `state`, if some joint cannot be at zero; whether it has.
-pub(super) fn bend(robot: &Robot, state: &mut [f64]) -> bool {
+/// Bends the legs of a robot on a free base, whose pose is `state`, if some joint cannot be at zero; whether it has. Nothing is bent where a leg
+/// cannot put its foot there, with one hinge for instance.
+pub(super) fn bend(robot: &Robot, pose: &mut [f64]) -> bool {
+    let mut state = pose.to_vec();
+    let bent = bent(robot, &mut state);
+    if bent {
+        pose.copy_from_slice(&state);
+    }
+    bent
+}
+
+fn bent(robot: &Robot, state: &mut [f64]) -> bool {
     let apart = |joint: &Joint| joint.limit.is_some_and(|limit| limit.lower > 0.0 || limit.upper < 0.0);
     if !robot.floating() || robot.mimics() || !robot.joints().any(apart) {
         return false;
@@ -70,6 +82,9 @@ pub(super) fn bend(robot: &Robot, state: &mut [f64]) -> bool {
             let (q, limit) = (&mut state[at(*link)], robot.links[*link].joint.as_ref().and_then(|joint| joint.limit));
             *q = (*q * 1e3).round() / 1e3 + 0.0;
             *q = limit.map_or(*q, |limit| q.clamp(limit.lower, limit.upper));
+        }
+        if (way(state, &mut data) - asked).norm() > OFF * reach {
+            return false;
         }
         bent = true;
     }
