@@ -10,14 +10,16 @@ mod lead_tip;
 pub mod plan;
 mod registry;
 mod snapshot;
+mod step;
 mod task;
 
-pub use episodes::{Episodes, StepResult};
+pub use episodes::Episodes;
 pub use error::TaskError;
 pub use file::FileTask;
 pub use lead_tip::LeadTip;
 pub use registry::{general, named, names, word};
 pub use snapshot::{Beginning, Snapshot, Trace};
+pub use step::StepResult;
 pub use task::{About, Slopes, Task, View, Work, fast_start};
 
 pub use nerd_sim;
