@@ -8,7 +8,6 @@ extern crate nerd_train;
 pub mod campaign;
 pub mod choice;
 pub mod circles;
-pub mod cotrain;
 pub mod error;
 pub mod experiments;
 pub mod inspect;

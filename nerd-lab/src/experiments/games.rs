@@ -1,7 +1,7 @@
 //! Games of a policy in a truth and in a model, and the gap between their rewards.
 
 use nerd_tasks::named;
-use nerd_train::ppo::{Game, Guess, Policy, folder, play};
+use nerd_train::ppo::{Game, Guess, Policy, play};
 
 use crate::prelude::*;
 
@@ -113,14 +113,6 @@ pub fn games(task: &str, arena: &Arena, policy: &Policy, n: usize, seed: u64) ->
     })?;
     bar.finish();
     Ok(games)
-}
-
-pub fn policy_of(path: &Path, task: &str) -> Result<Policy> {
-    let (config, policy) = folder::load(path)?;
-    if config.task != task {
-        bail!("{} is a policy of `{}`, not of `{task}`", path.display(), config.task);
-    }
-    Ok(policy)
 }
 
 /// Adds what a task's games depend on in a truth.

@@ -33,11 +33,6 @@ pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T> {
     serde_json::from_str(&text).map_err(error::file(path))
 }
 
-/// What is in a file, if that is there.
-pub fn read_json_of<T: DeserializeOwned>(path: &Path) -> Result<Option<T>> {
-    path.exists().then(|| read_json(path)).transpose()
-}
-
 /// Every file below a folder, in order; no link is followed. None below one that is not there.
 pub fn below(folder: &Path) -> io::Result<Vec<PathBuf>> {
     let mut found = Vec::new();

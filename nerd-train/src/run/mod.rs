@@ -26,7 +26,6 @@ mod criterion;
 mod data;
 mod engine;
 mod memory;
-mod onward;
 mod plan;
 mod recipe;
 mod recording;

@@ -157,28 +157,3 @@ fn a_model_is_on_its_runs_base_and_of_its_robots_truth() {
         train("fresh", 32, false);
     }
 }
-
-#[test]
-fn a_model_is_trained_on_under_its_own_network() {
-    let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models");
-    let mut found = 0;
-    for folder in std::fs::read_dir(models).expect("models").flatten().map(|e| e.path()) {
-        let Ok(model) = ModelConfig::read(&folder) else { continue };
-        if model.network.architecture == Architecture::Chain {
-            let refused = RunConfig::onward(&model, 1000).map_err(|e| e.to_string());
-            assert!(refused.as_ref().is_err_and(|e| e.contains("--recipe")), "{}: {refused:?}", folder.display());
-            continue;
-        }
-        let mut run = RunConfig::onward(&model, 1000).unwrap_or_else(|e| panic!("{}: {e}", folder.display()));
-        assert!((run.fresh, run.updates) == (100_000, 1000), "fresh data: {}, updates: {}", run.fresh, run.updates);
-        // As much data as any machine holds.
-        (run.transitions, run.fresh) = (10_000, 10_000);
-        (run.from, run.out, run.record.truth) = (Some(folder.clone()), "out/none".into(), ModelConfig::truth_of(&folder).ok());
-        // Another network, form or base than the model's would be refused.
-        if let Err(e) = Run::new(&run) {
-            panic!("{}: {e}", folder.display());
-        }
-        found += 1;
-    }
-    assert!(found >= 3, "only {found} models were found");
-}

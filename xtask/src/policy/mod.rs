@@ -1,6 +1,5 @@
-//! `cargo xtask policy train|co-train|evaluate|show|export|carry`: policies trained on any solver, played on any other, carried elsewhere.
+//! `cargo xtask policy train|evaluate|show|export|carry`: policies trained on any solver, played on any other, carried elsewhere.
 
-use nerd_lab::cotrain::{CoTrainConfig, co_train};
 use nerd_lab::experiments::{carried::Carried, policies::Policies};
 use nerd_train::ppo::{Algorithm, Learned, PolicyRun, PpoConfig, folder};
 use nerd_train::replay;
@@ -25,8 +24,6 @@ pub struct PolicyArgs {
 pub enum PolicyVerb {
     /// Train a policy by PPO or SHAC, or continue a run
     Train(Box<TrainArgs>),
-    /// Train policies and their model in turn, until policies of new seeds earn in the model what they earn in the truth
-    CoTrain(CoTrainArgs),
     /// Play a policy in the truth and in the learned simulator
     Evaluate(Conduct<Policies>),
     /// Write one episode as a page that any browser plays
@@ -83,18 +80,6 @@ pub struct TrainArgs {
 }
 
 #[derive(clap::Args, Clone, Debug)]
-pub struct CoTrainArgs {
-    /// Tasks, all of one robot
-    #[arg(required = true, value_name = "TASK")]
-    pub tasks: Vec<String>,
-    #[command(flatten)]
-    pub keys: Keys<CoTrainConfig>,
-    /// Folder of the loop [default: out/co-train-ROBOT]
-    #[arg(long)]
-    pub out: Option<PathBuf>,
-}
-
-#[derive(clap::Args, Clone, Debug)]
 pub struct ShowArgs {
     /// Folder of the policy
     #[arg(long)]
@@ -112,7 +97,6 @@ pub struct ShowArgs {
 pub fn run(args: PolicyArgs) -> Result<()> {
     match args.verb {
         PolicyVerb::Train(args) => train(*args),
-        PolicyVerb::CoTrain(args) => cotrain(args),
         PolicyVerb::Evaluate(args) => args.try_out(),
         PolicyVerb::Show(args) => show(args),
         PolicyVerb::Export(args) => args.run(),
@@ -152,14 +136,6 @@ fn say(done: &Learned) {
     if done.failed > 0 {
         tell!("{} episodes ended because the solver could not go on with them", done.failed);
     }
-}
-
-fn cotrain(args: CoTrainArgs) -> Result<()> {
-    ranks::alone("policy co-train", "leave it out")?;
-    let done = co_train(args.tasks, args.keys.settings()?, args.out)?;
-    out::tables(&[done.table]);
-    say!("{}", done.said);
-    Ok(())
 }
 
 fn show(args: ShowArgs) -> Result<()> {

@@ -109,7 +109,6 @@ fn what_cannot_be_shared_out_is_refused_in_a_line() {
     for (line, world, culprit) in [
         (&TRAIN.replace("--batch 16", "--batch 1").replace("3200", "50")[..], 2, "--batch 1: 2 ranks"),
         ("policy train cartpole-swingup --envs 2 --minibatch 32 --out", 3, "3 ranks"),
-        ("policy co-train cartpole-swingup --out", 2, "WORLD_SIZE is 2"),
         ("dataset --robot pendulum --out", 2, "--part"),
     ] {
         let (words, well) = among(line, &out, world);
