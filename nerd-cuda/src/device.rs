@@ -113,12 +113,6 @@ impl Device {
         self.context.compute_capability().map_err(failed("compute capability"))
     }
 
-    /// Bytes of its memory that are in use, by whomever.
-    pub fn used(&self) -> Result<usize, DeviceError> {
-        let (free, all) = self.context.mem_get_info().map_err(failed("memory in use"))?;
-        Ok(all - free)
-    }
-
     /// Bytes that the threads of a block can share.
     pub fn shared(&self) -> Result<usize, DeviceError> {
         let most = sys::CUdevice_attribute::CU_DEVICE_ATTRIBUTE_MAX_SHARED_MEMORY_PER_BLOCK_OPTIN;

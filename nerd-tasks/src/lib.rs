@@ -1,6 +1,5 @@
 #![doc = include_str!("../README.md")]
 
-pub mod body;
 mod drape;
 mod episodes;
 mod error;

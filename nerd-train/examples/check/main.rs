@@ -8,7 +8,6 @@
 //!
 //! All checks are made; one that fails ends the program with an error.
 
-mod cost;
 mod inference;
 mod policies;
 mod shac;
@@ -23,7 +22,7 @@ use with::{Checks, Outcome};
 type Part = (&'static str, fn(&mut Checks) -> Outcome);
 
 /// In order.
-const PARTS: [Part; 16] = [
+const PARTS: [Part; 15] = [
     ("operations", inference::operations),
     ("windows", inference::windows),
     ("streams", inference::streams),
@@ -37,7 +36,6 @@ const PARTS: [Part; 16] = [
     ("predictions", solvers::predictions),
     ("slopes", slopes::slopes),
     ("shac", shac::shac),
-    ("slopes-cost", cost::cost),
     ("policies", policies::policies),
     ("tasks", policies::tasks),
 ];

@@ -1,4 +1,4 @@
-//! Slopes of models and of the articulated solver on the card are those of the CPU; what they cost is in `cost.rs`.
+//! Slopes of models and of the articulated solver on the card are those of the CPU.
 
 use crate::with::*;
 
@@ -24,7 +24,8 @@ pub fn slopes(checks: &mut Checks) -> Outcome {
 }
 
 /// How far slopes on the card are from the CPU's: at most so far, unless a point may touch in 32 bits that does not in 64, which is another
-/// frame.
+/// frame;
+/// then half of the environments are within 1e-3.
 fn beside(
     checks: &mut Checks,
     name: &str,
@@ -46,7 +47,12 @@ fn beside(
     let what = format!("{name}: next states, slopes by states and by torques {off:.1?} from the CPU's");
     match most {
         Some(most) => checks.demand(off.iter().all(|off| *off < most), format!("{what}; {off:?}")),
-        None => println!("   {what}; {off:?}"),
+        None => {
+            let width = by.len() / n;
+            let mut off: Vec<f64> = there.states.chunks(width).zip(here.states.chunks(width)).map(|(a, b)| largest(a, b)).collect();
+            off.sort_by(f64::total_cmp);
+            checks.demand(off[n / 2] < 1e-3, format!("{what}; by states {:.1e} in the median", off[n / 2]));
+        }
     }
     Ok(())
 }
