@@ -12,7 +12,6 @@ pub mod neural;
 pub mod normalizer;
 pub mod pick;
 pub mod program;
-pub mod refit;
 pub mod slopes;
 pub mod transformer;
 pub mod trapezoid;

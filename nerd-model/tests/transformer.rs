@@ -8,8 +8,7 @@ use nerd_model::program::cpu::{Loaded, Memory, Pass};
 use nerd_model::transformer::{
     Architecture, BurnForward, Forward, PackedForward, PackedStream, Positions, Storage, Stream, TransformerConfig, Weights, Windowed,
 };
-use nerd_model::{BurnDevice, base::Base, features::Features, refit::*};
-use nerd_sim::sampling::{normal, stream};
+use nerd_model::{BurnDevice, base::Base, features::Features};
 
 const SMALL: TransformerConfig = TransformerConfig {
     inputs: 5,
@@ -258,37 +257,4 @@ fn ill_formed_windows_are_errors_that_say_why() {
     assert!(ask(30, 6, &[0, 0]).contains("30 input values"));
     assert!(ask(30, 6, &[6]).contains("newest token 6 of 6"));
     assert!(ask(45, 9, &[0]).contains("position table has 8"));
-}
-
-/// What a network with another last layer says shows that layer; where nothing new is shown, nothing changes.
-#[test]
-fn a_last_layer_is_refitted_to_few_frames() {
-    let config = TransformerConfig { embedding: 16, layers: 2, block: 1, history: 1, architecture: Architecture::Residual, ..SMALL };
-    let own = Weights::init(config, 3);
-    let (mut other, mut rng) = (own.clone(), stream(1, 0));
-    let layer = own.flat.len() - 17 * config.outputs;
-    other.flat[layer..].iter_mut().for_each(|w| *w += (0.2 * normal(&mut rng)) as f32);
-    let mut tokens = |frames: usize| (0..frames * config.inputs).map(|_| normal(&mut rng) as f32).collect::<Vec<f32>>();
-    let (x, new) = (tokens(300), tokens(40));
-    let shown = |of: &Weights, frames: usize| {
-        let tokens = x[..frames * config.inputs].to_vec();
-        Shown { targets: run(of, &tokens, 1), tokens }
-    };
-    let robots =
-        [(shown(&own, 300), Some(1e-6)), (shown(&other, 12), None), (shown(&other, 12), Some(1e-3)), (shown(&other, 300), Some(1e-6))];
-    let (mut refit, mut errors, mut out) = (Refit::new(&own, &robots).expect("it sees one frame"), [0.0f32; 5], Vec::new());
-    for token in new.chunks_exact(config.inputs) {
-        refit.push(&token.repeat(4), &mut out).expect("four robots");
-        let [plain, wanted] = [&own, &other].map(|w| run(w, token, 1));
-        let off = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum::<f32>();
-        let robot = |k: usize| &out[k * config.outputs..][..config.outputs];
-        let found = [off(robot(0), &plain), off(robot(1), &plain), off(robot(2), &wanted), off(robot(3), &wanted), off(&plain, &wanted)];
-        errors.iter_mut().zip(found).for_each(|(sum, x)| *sum += x);
-    }
-    let [same, still, few, many, none] = errors;
-    assert!(same < 1e-3 * none && still < 1e-3 * none, "nothing new, but {same} and {still} of {none}");
-    assert!(few < 0.8 * none && many < 0.01 * none, "{few} by 12 frames, {many} by 300, {none} by none");
-    let said = Refit::new(&Weights::init(SMALL, 0), &[]).map(|_| ()).expect_err("it sees six frames").to_string();
-    assert!(said.contains("sees 6 frames"), "{said}");
-    assert!(Refit::new(&own, &[(Shown { targets: vec![0.0; 4], ..shown(&own, 1) }, None)]).is_err());
 }

@@ -63,14 +63,6 @@ impl PackedForward {
     pub fn new(weights: &Weights) -> Self {
         Self { config: weights.config, network: Loaded::new(weights.config.program(), &weights.flat), memory: Vec::new() }
     }
-
-    /// The same without the last step: in place of predictions what that is of.
-    pub(crate) fn before_last(weights: &Weights) -> Self {
-        let mut program = weights.config.program();
-        program.steps.pop();
-        let config = TransformerConfig { outputs: program.width(program.predictions()), ..weights.config };
-        Self { config, network: Loaded::new(program, &weights.flat), memory: Vec::new() }
-    }
 }
 
 impl Forward for PackedForward {

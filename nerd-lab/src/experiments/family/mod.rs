@@ -1,14 +1,11 @@
 //! Robots of a family that nobody has seen: how far solvers drift from each in its truth, by the frames that they were shown before.
 //!
 //! All start from the same states and are driven by the same torques, whatever is shown; so a line that falls is knowledge of the robot. Beside
-//! models stand `articulated` on the robot as its files have it, and told all that was drawn but ripples: the best that equations do. Three ways
-//! bring what knows another robot to each of these: a network with memory sees its frames, `articulated` is calibrated on them, and of a model of
-//! single frames of the robot that they are like the last layer is refitted.
+//! models stand `articulated` on the robot as its files have it, and told all that was drawn but ripples: the best that equations do. Two ways
+//! bring what knows another robot to each of these: a network with memory sees its frames, and `articulated` is calibrated on them.
 
 mod calibrated;
-mod refitted;
 
-use nerd_model::refit::Refit;
 use nerd_sim::dataset::GenerateConfig;
 use nerd_sim::instruments::{Hold, Timed};
 use nerd_train::evaluate::{Pieces, summary, summary_names};
@@ -43,9 +40,6 @@ settings! {
     }
 }
 
-/// A solver for robots of which something was seen, with what it is to have of them; nothing where nothing was.
-type Adapted = Option<(Pieces, Box<dyn Solver>)>;
-
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Row {
     pub of: String,
@@ -55,7 +49,7 @@ pub struct Row {
     pub reports: Vec<Option<PassiveReport>>,
     /// Of a frame of one robot, all solvers on as many threads as there are.
     pub microseconds: f64,
-    /// What it takes to know a robot by the most frames on one core (s); nothing, but for a calibration or a layer that is refitted.
+    /// What it takes to know a robot by the most frames on one core (s); nothing, but for a calibration.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seconds: Option<f64>,
 }
@@ -112,11 +106,7 @@ impl Family {
             row("analytic, told".into(), None, &pieces.told(), analytic())?,
         ];
         if self.evaluations > 0 {
-            let of = format!("analytic, calibrated on what is seen in {} evaluations", self.evaluations);
-            rows.push(self.adapted(of, None, &pieces, &|seen| {
-                let fitted = calibrated::calibrated(seen, self.evaluations)?;
-                Ok(fitted.map(|pieces| (pieces, analytic())))
-            })?);
+            rows.push(self.calibrated(&pieces)?);
         }
         bar.add(1);
         for folder in &self.models {
@@ -138,14 +128,6 @@ impl Family {
             };
             let of = format!("NeRD {kind}, sees {} frames, {:.2} M", config.network.reach(), config.network.parameters() as f64 / 1e6);
             rows.push(row(of, Some(folder), &pieces, solver)?);
-            if !own && Refit::can(&config.network) {
-                let model = Model::load(folder, &like, None)?;
-                let of = format!("NeRD nominal, last layer refitted to what is seen, {:.2} M", config.network.parameters() as f64 / 1e6);
-                rows.push(self.adapted(of, Some(folder), &pieces, &|seen| {
-                    let refitted = refitted::refitted(&model, seen)?;
-                    Ok(refitted.map(|solver| (seen.clone(), solver)))
-                })?);
-            }
         }
         bar.finish();
         Ok(rows)
@@ -157,23 +139,18 @@ impl Family {
         1e6 * spent.as_secs_f64() / steps as f64
     }
 
-    /// A solver that is made anew for each number of frames seen, from those, where there are any.
-    fn adapted(&self, of: String, model: Option<&Path>, pieces: &Pieces, adapt: &dyn Fn(&Pieces) -> Result<Adapted>) -> Result<Row> {
-        let (mut reports, mut seconds, mut spent) = (Vec::new(), 0.0, Duration::ZERO);
+    /// The analytic solver, for each number of frames seen calibrated on these, where there are any.
+    fn calibrated(&self, pieces: &Pieces) -> Result<Row> {
+        let (mut reports, mut seconds, mut timed) = (Vec::new(), 0.0, Timed::new(pieces.system.spec.truth.solver(&pieces.system)));
         for seen in &self.seen {
             let begun = Instant::now();
-            let adapted = adapt(&pieces.seen(*seen))?;
+            let fitted = calibrated::calibrated(&pieces.seen(*seen), self.evaluations)?;
             let threads = rayon::current_num_threads().min(self.robots);
             seconds = f64::max(seconds, begun.elapsed().as_secs_f64() * threads as f64 / self.robots as f64);
-            let report = |(pieces, solver): (Pieces, Box<dyn Solver>)| {
-                let mut timed = Timed::new(solver);
-                let report = pieces.compare(&mut timed);
-                spent += timed.spent;
-                report
-            };
-            reports.push(adapted.map(report).transpose()?);
+            reports.push(fitted.map(|pieces| pieces.compare(&mut timed)).transpose()?);
         }
-        Ok(Row { of, model: model.map(shipped::from_root), reports, microseconds: self.pace(spent), seconds: Some(seconds) })
+        let of = format!("analytic, calibrated on what is seen in {} evaluations", self.evaluations);
+        Ok(Row { of, model: None, reports, microseconds: self.pace(timed.spent), seconds: Some(seconds) })
     }
 
     fn table(&self, system: &System, rows: &[Row]) -> Table {
