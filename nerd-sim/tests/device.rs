@@ -7,7 +7,7 @@ mod family;
 
 use common::*;
 use cpp::{Compiler, bytes, doubles};
-use nerd_sim::articulated::device::{Reach, Real, back_program, goes_back, packed, program, record};
+use nerd_sim::articulated::device::{Reach, Real, back_program, goes_back, packed, program, records};
 use nerd_sim::{dataset::begin, drive::holding, range::Range, rig::Rig, vary, vary::VarySpec};
 
 /// How far kernels are from the solver after some frames: the largest difference of each environment's state, relative to 1 and to its
@@ -41,11 +41,10 @@ impl Case {
 
     /// What kernels read: states, torques, scenes, whose each is, drives.
     fn buffers(&self) -> Vec<Vec<u8>> {
-        let (batch, n) = (&self.batch, self.batch.len() as i32);
-        let record = |env: usize| record(&batch.scenes[env], batch.of(env), &self.config, Reach::of(batch)).expect("a scene with kernels");
-        let scenes: Vec<f64> = (0..batch.len()).flat_map(record).collect();
+        let batch = &self.batch;
+        let (scenes, whose) = records(batch, &self.config, Reach::of(batch)).expect("scenes with kernels");
         let numbers = [&batch.states, &self.torques, &scenes].map(|numbers| bytes(numbers, f64::to_le_bytes));
-        let whose = bytes(&Vec::from_iter(0..n), i32::to_le_bytes);
+        let whose = bytes(&whose, i32::to_le_bytes);
         numbers.into_iter().chain([whose, bytes(&packed(&batch.drives), f64::to_le_bytes)]).collect()
     }
 
@@ -77,7 +76,7 @@ impl Case {
 
 /// Random starts of a built-in robot a while later, until most of them touch something; torques of an eighth of the gain.
 fn sampled(name: &str, scene: &str, config: ArticulatedConfig) -> Case {
-    let system = built_in(name);
+    let system = if scene == "terrain" { on_rubble(name) } else { built_in(name) };
     let mut batch = batch(&system, scene, 40);
     (0..40).for_each(|env| batch.reset(env, &start(&system, Start::Sample, &mut stream(5, env as u64))));
     run(&mut Articulated::new(ArticulatedConfig::accurate(&system)), &mut batch, 0.0, 25);
@@ -265,6 +264,8 @@ fn kernels_move_as_the_solver_does() {
         ("cube", "steps", accurate("cube")),
         ("ant", "box", accurate("ant")),
         ("ant", "ground", accurate("ant")),
+        ("cube", "terrain", accurate("cube")),
+        ("ant", "terrain", accurate("ant")),
         ("ant-paper", "ground", ArticulatedConfig::paper(&built_in("ant-paper"), Friction::Huber)),
         ("anymal", "ground", accurate("anymal")),
         ("franka", "free", accurate("franka")),

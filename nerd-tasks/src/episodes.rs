@@ -36,6 +36,8 @@ pub struct Episodes {
     beginnings: Vec<Vec<Beginning>>,
     /// Whether a start that cannot be stepped is a failure as any other: of copies that look ahead, which begin where they are put.
     pub(crate) copies: bool,
+    /// Whether they go up and down in levels.
+    climbs: bool,
 }
 
 impl Episodes {
@@ -65,12 +67,33 @@ impl Episodes {
             trace: None,
             beginnings: Vec::new(),
             copies: false,
+            climbs: false,
             task,
             simulation,
         };
         (0..n).for_each(|env| episodes.start(env));
         episodes.observe(|_| true);
         episodes
+    }
+
+    /// From here on, and at once in all environments, episodes go through their task's levels ([`Task::levels`]), from the lowest: up after one
+    /// that lasted and succeeded, down after one that ended before its time.
+    ///
+    /// # Errors
+    /// As [`Self::begin`].
+    pub fn climb(&mut self) -> Result<(), StepError> {
+        let Some((at, levels)) = self.task.levels() else { return Ok(()) };
+        let width = self.task.goal_dim();
+        self.climbs = true;
+        self.goals.chunks_exact_mut(width).for_each(|goal| goal[at] = 1.0 / levels as f64);
+        (0..self.len()).try_for_each(|env| self.restart(env))?;
+        self.observe(|_| true);
+        Ok(())
+    }
+
+    /// Whether they do.
+    pub fn climbs(&self) -> bool {
+        self.climbs
     }
 
     /// From here on, and at once in all environments, episodes begin under way, each at one of these drawn: in environment k, counted among
@@ -158,6 +181,7 @@ impl Episodes {
         (0..n).filter(|env| failed[*env]).try_for_each(|env| self.restart(env))?;
         self.judge(&failed, &mut result);
         self.finite("reward", &result.rewards)?;
+        self.rise(&result);
         self.observe(|_| true);
         self.finite("observe", &self.observations)?;
         if let Some(trace) = &mut self.trace {
@@ -221,6 +245,7 @@ impl Episodes {
         batch.frames.copy_from_slice(&snapshot.frames);
         self.goals.copy_from_slice(&snapshot.goals);
         self.begun.copy_from_slice(&snapshot.begun);
+        (0..self.begun.len()).for_each(|env| self.lay(env));
         self.past.read(snapshot, self.torques.len() / self.begun.len().max(1));
         (0..self.begun.len()).for_each(|env| self.simulation.solver.reset(env));
         self.past.replay(&mut self.simulation)?;
@@ -273,9 +298,42 @@ impl Episodes {
     fn start(&mut self, env: usize) {
         let mut rng = self.draw(env);
         let width = self.task.goal_dim();
-        self.task.draw_goal(&mut rng, &mut self.goals[env * width..(env + 1) * width]);
-        let state = self.task.reset(&self.simulation.batch.system, &mut rng);
+        let (goal, climbs) = (&mut self.goals[env * width..(env + 1) * width], self.climbs);
+        let level = self.task.levels().filter(|_| climbs).map(|(at, _)| (at, goal[at]));
+        self.task.draw_goal(&mut rng, goal);
+        level.into_iter().for_each(|(at, level)| goal[at] = level);
+        self.lay(env);
+        let Simulation { batch, .. } = &self.simulation;
+        let mut state = self.task.reset(&batch.system, &mut rng);
+        batch.scenes[env].strew(&batch.system.robot, &mut self.works[env / CHUNK].data, &mut state, &mut rng);
         self.simulation.reset(env, &state);
+    }
+
+    /// The ground of an environment's level.
+    fn lay(&mut self, env: usize) {
+        let Some((at, _)) = self.task.levels() else { return };
+        let (level, scene) = (self.goals[env * self.task.goal_dim() + at], &mut self.simulation.batch.scenes[env]);
+        if scene.terrain().is_some_and(|(_, field)| field.scale() != level) {
+            *scene = Arc::new(scene.scaled(level));
+        }
+    }
+
+    /// Counts the misses of a step, and goes up or down where an episode is over.
+    fn rise(&mut self, result: &StepResult) {
+        let Some((at, levels)) = self.task.levels() else { return };
+        let (steps, width, frames) = (self.task.episode_length(), self.task.goal_dim(), &self.simulation.batch.frames);
+        let length = steps * self.task.frames();
+        for (env, goal) in self.goals.chunks_exact_mut(width).enumerate() {
+            let [level, missed] = &mut goal[at..at + 2] else { continue };
+            if 2 * frames[env] > length {
+                *missed += result.misses[env].unwrap_or(0.0);
+            }
+            if self.climbs && (result.terminated[env] || result.truncated[env]) {
+                let succeeded = *missed <= (steps - steps / 2) as f64;
+                let by = if result.terminated[env] { -1.0 } else { f64::from(u8::from(succeeded)) };
+                *level = ((*level * levels as f64).round() + by).clamp(1.0, levels as f64) / levels as f64;
+            }
+        }
     }
 
     /// What a planner of least squares makes small of where an environment is; empty if its task has none.

@@ -20,8 +20,9 @@ const OWN: [(&str, &str); 9] = [
 ];
 
 /// Files of tasks for any robot.
-const GENERAL: [(&str, &str); 3] = [
+const GENERAL: [(&str, &str); 4] = [
     ("walk", include_str!("../assets/walk.toml")),
+    ("rough", include_str!("../assets/rough.toml")),
     ("stand", include_str!("../assets/stand.toml")),
     ("reach", include_str!("../assets/reach.toml")),
 ];

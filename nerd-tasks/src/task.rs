@@ -112,6 +112,12 @@ pub trait Task: Send + Sync {
         }
     }
 
+    /// Where the level of an episode is among its goal's numbers, and how many levels there are: the level is a share of the heights of the
+    /// terrain, 1 unless [`crate::Episodes::climb`] moves it. Behind it is the sum of misses over the last half of the episode.
+    fn levels(&self) -> Option<(usize, usize)> {
+        None
+    }
+
     /// Draws an episode's goal.
     fn draw_goal(&self, _rng: &mut ChaCha8Rng, _out: &mut [f64]) {}
 

@@ -66,6 +66,9 @@ impl Frame for Workspace {
 impl Workspace {
     /// rapier divides by zero, and drops accelerations that overflow, without a word; so both are looked for first.
     fn check(&mut self, robot: &Robot, scene: &Scene, q: &[f64], qd: &[f64]) -> Result<(), String> {
+        if scene.terrain().is_some() {
+            return Err(format!("scene `{}`: rapier does not know terrain; take `articulated`", scene.name));
+        }
         kinematics(robot, q, &mut self.data);
         crba(robot, &mut self.data);
         if !self.factor.refill(&self.data.mass) {

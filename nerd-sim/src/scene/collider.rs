@@ -4,6 +4,7 @@ use nalgebra::Quaternion;
 use parry3d_f64::math::{Pose, Rotation, Vector as ParryVector};
 use parry3d_f64::shape::SharedShape;
 
+use super::Field;
 use crate::internal::*;
 
 /// Queries at most that find the deepest place of a disc or hull against what is not flat.
@@ -29,6 +30,8 @@ pub struct Collider {
     pub material: Material,
     /// Set if the shape is a half-space, which is then answered in closed form.
     pub plane: Option<Plane>,
+    /// Set if it is ground that is not flat: heights along the z axis of its pose. Its shape is the half-space below height 0.
+    pub field: Option<Field>,
     /// Centre and radius (m) of a ball around the shape, in its own axes, which [`Collider::new`] finds: a place far outside is not asked
     /// how far. Another shape needs another one.
     pub ball: (Vector3<f64>, f64),
@@ -39,7 +42,23 @@ impl Collider {
     pub fn plane(plane: Plane, material: Material) -> Self {
         let pose = Isometry3::translation(plane.normal.x * plane.offset, plane.normal.y * plane.offset, plane.normal.z * plane.offset);
         let ball = (Vector3::zeros(), f64::INFINITY);
-        Self { shape: SharedShape::halfspace(to_parry(&plane.normal)), pose, material, plane: Some(plane), ball }
+        Self { shape: SharedShape::halfspace(to_parry(&plane.normal)), pose, material, plane: Some(plane), field: None, ball }
+    }
+
+    /// Ground that is not flat, its heights along the z axis of its pose.
+    pub fn terrain(field: Field, pose: Isometry3<f64>, material: Material) -> Self {
+        let ball = (Vector3::zeros(), f64::INFINITY);
+        Self { shape: SharedShape::halfspace(ParryVector::Z), pose, material, plane: None, field: Some(field), ball }
+    }
+
+    /// The direction of its heights.
+    pub(crate) fn up(&self) -> Vector3<f64> {
+        self.pose.rotation * Vector3::z()
+    }
+
+    /// A place in its own axes (m).
+    pub(crate) fn inside(&self, p0: &Vector3<f64>) -> Vector3<f64> {
+        self.pose.rotation.inverse_transform_vector(&(p0 - self.pose.translation.vector))
     }
 
     /// A shape of a body at `at`.
@@ -64,7 +83,7 @@ impl Collider {
             Plane { normal, offset: normal.dot(&pose.translation.vector) }
         });
         let ball = shape.compute_local_bounding_sphere();
-        Self { ball: (from_parry(&ball.center), ball.radius * (1.0 + 1e-9)), shape, pose, material, plane }
+        Self { ball: (from_parry(&ball.center), ball.radius * (1.0 + 1e-9)), shape, pose, material, plane, field: None }
     }
 
     /// Says what is not finite or out of its range, if anything is. Solvers ask in every frame.
@@ -96,9 +115,10 @@ impl Collider {
     #[inline(always)]
     pub(crate) fn beyond(&self, p0: &Vector3<f64>, reach: f64) -> bool {
         let (centre, radius) = self.ball;
-        match &self.plane {
-            Some(plane) => plane.normal.dot(p0) - plane.offset >= reach,
-            None => (p0 - (self.pose.rotation * centre + self.pose.translation.vector)).norm() - radius >= reach,
+        match (&self.plane, &self.field) {
+            (Some(plane), _) => plane.normal.dot(p0) - plane.offset >= reach,
+            (_, Some(field)) => field.beyond(self.inside(p0).z, reach),
+            _ => (p0 - (self.pose.rotation * centre + self.pose.translation.vector)).norm() - radius >= reach,
         }
     }
 
@@ -108,6 +128,11 @@ impl Collider {
         if let Some(plane) = &self.plane {
             let distance = plane.normal.dot(p0) - plane.offset;
             return ContactEvent { p0: *p0, p1: p0 - plane.normal * distance, normal: plane.normal, distance, collider: 0 };
+        }
+        if let Some(field) = &self.field {
+            let (distance, normal) = field.over(&self.inside(p0));
+            let normal = self.pose.rotation * normal;
+            return ContactEvent { p0: *p0, p1: p0 - normal * distance, normal, distance, collider: 0 };
         }
         let found = self.shape.project_point(&pose_to_parry(&self.pose), to_parry(p0), false);
         let p1 = from_parry(&found.point);

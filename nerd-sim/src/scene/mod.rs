@@ -1,7 +1,9 @@
 //! Everything that is not the robot: gravity and static colliders.
 
 mod collider;
+mod field;
 mod spec;
+mod terrain;
 mod worlds;
 
 use crate::internal::*;
@@ -9,6 +11,7 @@ use crate::internal::*;
 pub use collider::{Collider, Plane};
 #[cfg(feature = "rapier")]
 pub(crate) use collider::{from_parry, pose_from_parry, pose_to_parry, to_parry};
+pub use field::{Field, TerrainKind, TerrainSpec};
 pub use spec::{BoxSpec, Material, PegSpec, PlaneSpec, SceneSpec};
 pub use worlds::{WORLDS, hill, world};
 pub(crate) use worlds::{described, peg};

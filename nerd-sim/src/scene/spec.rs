@@ -1,5 +1,6 @@
 //! Scenes and contact materials in a robot's TOML.
 
+use super::TerrainSpec;
 use crate::{internal::*, range::exactly};
 
 /// Largest stiffness (N/m) and damping (N s/m).
@@ -58,6 +59,9 @@ pub struct SceneSpec {
     pub name: String,
     /// Its plane.
     pub plane: PlaneSpec,
+    /// Ground in place of the plane, with its heights from there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub terrain: Option<TerrainSpec>,
     /// Boxes on it.
     #[serde(default, rename = "box", skip_serializing_if = "Vec::is_empty")]
     pub boxes: Vec<BoxSpec>,

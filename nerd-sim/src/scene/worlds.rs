@@ -9,7 +9,7 @@ use parry3d_f64::math::Vector as ParryVector;
 use parry3d_f64::shape::{SharedShape, TriMesh, TriMeshFlags};
 
 use super::spec::{PegSpec, PlaneSpec, SceneSpec};
-use super::up;
+use super::{Field, up};
 use crate::internal::*;
 
 /// Their names.
@@ -28,16 +28,22 @@ const HILLS: (f64, usize, f64) = (16.0, 128, 0.3);
 static HILLS_MESH: LazyLock<Option<SharedShape>> = LazyLock::new(|| hills().map(SharedShape::new));
 
 /// A scene that a robot's TOML describes; `material` where it names none.
-pub(crate) fn described(spec: &SceneSpec, gravity: &Vector3<f64>, material: Material) -> Scene {
+pub(crate) fn described(spec: &SceneSpec, gravity: &Vector3<f64>, material: Material) -> Result<Scene, String> {
     let (upright, material) = (upright(gravity), spec.material.unwrap_or(material));
-    let plane = turned_plane(gravity, &spec.plane);
+    let ground = match &spec.terrain {
+        Some(terrain) => {
+            let pose = Isometry3::from_parts((up(gravity) * spec.plane.height).into(), upright);
+            Collider::terrain(Field::drawn(terrain)?, pose, material)
+        }
+        None => Collider::plane(turned_plane(gravity, &spec.plane), material),
+    };
     let boxes = spec.boxes.iter().map(|b| {
         let ([x, y, z], turn) = (b.size.map(|edge| 0.5 * edge), UnitQuaternion::from_axis_angle(&Vector3::z_axis(), b.turn));
         Collider::new(SharedShape::cuboid(x, y, z), Isometry3::from_parts(Vector3::from(b.at).into(), upright * turn), material)
     });
     let pegs = spec.pegs.iter().map(|p| peg(p, gravity, material));
-    let colliders = std::iter::once(Collider::plane(plane, material)).chain(boxes).chain(pegs).collect();
-    Scene { name: spec.name.clone(), gravity: *gravity, colliders }
+    let colliders = std::iter::once(ground).chain(boxes).chain(pegs).collect();
+    Ok(Scene { name: spec.name.clone(), gravity: *gravity, colliders })
 }
 
 /// The horizontal plane turned by extrinsic x-y-z angles.

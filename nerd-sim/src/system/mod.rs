@@ -20,7 +20,7 @@ pub(crate) mod vary;
 
 pub use derive::pose_of;
 pub(crate) use derive::stiffness;
-pub use model::{Source, System, SystemError};
+pub use model::{Source, System, SystemError, TERRAIN};
 pub use spec::*;
 pub use start::Start;
 pub(crate) use validate::MOST_SUBSTEPS;

@@ -8,7 +8,10 @@ use super::derive::rotor;
 use super::validate::check;
 use super::{folds::Folds, motors::Motors, spec::JointSpec};
 use crate::internal::*;
-use crate::scene::{WORLDS, described, world};
+use crate::scene::{PlaneSpec, SceneSpec, TerrainSpec, WORLDS, described, world};
+
+/// The scene that [`System::with_terrain`] adds.
+pub const TERRAIN: &str = "terrain";
 
 /// Why a system could not be made.
 #[derive(Debug, thiserror::Error)]
@@ -237,6 +240,19 @@ impl System {
         Ok(own)
     }
 
+    /// The same with a scene `terrain` beside its own: ground like that, and nothing on it.
+    ///
+    /// # Errors
+    /// If a number of it is out of its range.
+    pub fn with_terrain(mut self, terrain: TerrainSpec) -> Result<Self, SystemError> {
+        let plane = PlaneSpec { height: 0.0, angles: [0.0; 3] };
+        self.spec.scenes.retain(|scene| scene.name != TERRAIN);
+        let scene = SceneSpec { name: TERRAIN.into(), plane, terrain: Some(terrain), boxes: Vec::new(), pegs: Vec::new(), material: None };
+        self.spec.scenes.push(scene);
+        check(&self.spec, &self.robot).map_err(|e| SystemError::Spec(self.name.clone(), e))?;
+        Ok(self)
+    }
+
     /// Gravity (m/s^2).
     pub fn gravity(&self) -> Vector3<f64> {
         Vector3::from(self.spec.gravity)
@@ -257,7 +273,7 @@ impl System {
     pub fn scene(&self, name: &str) -> Result<Arc<Scene>, SystemError> {
         let (gravity, material, touches) = (self.gravity(), self.spec.material, !self.robot.contact_points.is_empty());
         let scene = match self.spec.scenes.iter().find(|s| s.name == name) {
-            Some(spec) => Some(described(spec, &gravity, material)),
+            Some(spec) => Some(described(spec, &gravity, material).map_err(|e| SystemError::Spec(self.name.clone(), e))?),
             None if name == "free" => return Ok(Arc::new(Scene::free(gravity))),
             None if name == "base" && !self.base.is_empty() => Some(Scene { name: name.into(), ..Scene::free(gravity) }),
             None => world(name, &gravity, material).filter(|_| touches),

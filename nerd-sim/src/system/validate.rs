@@ -196,6 +196,12 @@ fn scenes(spec: &Spec) -> Result<(), String> {
         }
         within(at("plane.height"), scene.plane.height, -FAR..=FAR, "m")?;
         vector(&at("plane.angles"), &scene.plane.angles, WIDE, "rad")?;
+        if let Some(terrain) = &scene.terrain {
+            terrain.check().map_err(|e| at(&format!("terrain: {e}")))?;
+            if scene.plane.angles != [0.0; 3] {
+                return Err(at("plane.angles: terrain lies level; for a slope take its kind `slopes`"));
+            }
+        }
         for b in &scene.boxes {
             b.size.iter().enumerate().try_for_each(|(i, x)| within(at(&format!("box.size[{i}]")), *x, 1e-6..=WIDE, "m"))?;
             vector(&at("box.at"), &b.at, FAR, "m")?;

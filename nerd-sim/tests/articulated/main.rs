@@ -13,5 +13,6 @@ mod friction;
 mod joints;
 mod limits;
 mod standing;
+mod terrain;
 mod touching;
 mod worlds;

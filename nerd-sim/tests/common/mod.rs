@@ -5,9 +5,16 @@ pub mod differences;
 
 pub use nerd_sim::dataset::{GenerateConfig, record};
 pub use nerd_sim::prelude::*;
+pub use nerd_sim::scene::{Field, TerrainKind, TerrainSpec};
 
 pub fn built_in(name: &str) -> Arc<System> {
     System::named(name).expect("built in")
+}
+
+/// A built-in robot that has the scene `terrain`: rubble of 10 cm.
+pub fn on_rubble(name: &str) -> Arc<System> {
+    let rubble = TerrainSpec { kind: TerrainKind::Rubble, height: 0.1, cell: 0.2, length: 1.0, seed: 4 };
+    Arc::new((*built_in(name)).clone().with_terrain(rubble).expect("in range"))
 }
 
 /// The articulated solver with so many implicit substeps.

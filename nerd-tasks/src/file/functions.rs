@@ -13,13 +13,16 @@ impl<'a> Reader<'a> {
         if name == "place" || name == "axis" {
             return self.place(name, args);
         }
+        if name == "scan" {
+            return self.scan(args);
+        }
         let needed = match name {
             "exp" | "sqrt" | "abs" | "squared" | "wrap" | "sum" | "mean" | "norm" | "max_of" | "min_of" | "controlled" | "len" => 1,
             "max" | "min" | "dot" | "cross" => 2,
             "clamp" | "select" => 3,
             _ => {
                 let known = "exp, sqrt, abs, squared, wrap, sum, mean, norm, max_of, min_of, len, controlled, max, min, dot, cross, clamp, \
-                             select, place, axis";
+                             select, place, axis, scan";
                 return Err(no_place(format!("no function `{name}`: choose from {known}")));
             }
         };
@@ -79,16 +82,26 @@ impl<'a> Reader<'a> {
         })
     }
 
+    /// `scan(xs, ys)`: heights of the ground (m) so far ahead of a free root and to its left, as it heads, place by place along y, then along x.
+    fn scan(&self, args: &[&Expr]) -> Said<Value<'a>> {
+        let no_place = |said: String| (proc_macro2::Span::call_site(), said);
+        if !self.facts.system.robot.floating() {
+            return Err(no_place(format!("`scan` is of a free root, and the base of `{}` is fixed", self.facts.system.name)));
+        }
+        let [xs, ys] = args else { return Err(no_place("`scan` takes places ahead and places to the left (m)".into())) };
+        let list = |e: &Expr| known(&self.expression(e)?).ok_or_else(|| (e.span(), "known numbers are needed".to_string()));
+        let (xs, ys) = (list(xs)?, list(ys)?);
+        let at = xs.iter().flat_map(|x| ys.iter().map(|y| [*x, *y]));
+        Ok(plain(at.map(|at| self.facts.ground(self.tape, at)).collect()))
+    }
+
     /// `place("link")` or `place("link", [x, y, z])` in the world (m); `axis("link", [x, y, z])`, how a direction of a link's lies in the world.
     fn place(&self, function: &str, args: &[&Expr]) -> Said<Value<'a>> {
         let no_place = |said: String| (proc_macro2::Span::call_site(), said);
         let (name, local) = match args {
             [name] if function == "place" => (name, [0.0; 3]),
             [name, local] => {
-                let value = self.expression(local)?;
-                let known =
-                    value.numbers.iter().map(|x| if let Traced::Number(x) = x { Some(*x) } else { None }).collect::<Option<Vec<_>>>();
-                let local = known.and_then(|known| <[f64; 3]>::try_from(known).ok());
+                let local = known(&self.expression(local)?).and_then(|known| <[f64; 3]>::try_from(known).ok());
                 (name, local.ok_or_else(|| (args[1].span(), "three known numbers are needed".to_string()))?)
             }
             _ => return Err(no_place(format!("`{function}` takes the name of a link and [x, y, z] in its axes"))),
@@ -117,4 +130,9 @@ impl<'a> Reader<'a> {
         let from = place(at);
         Ok(plain((0..3).map(|k| tip[k] - from[k]).collect()))
     }
+}
+
+/// The numbers, if they are known beforehand.
+fn known(value: &Value) -> Option<Vec<f64>> {
+    value.numbers.iter().map(|x| if let Traced::Number(x) = x { Some(*x) } else { None }).collect()
 }

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use nerd_sim::prelude::Range;
+use nerd_sim::scene::TerrainSpec;
 use serde::Deserialize;
 
 /// As it is written.
@@ -13,6 +14,10 @@ pub(super) struct Keys {
     pub robot: Option<String>,
     /// Scene [default: that of the robot's data, else `free`].
     pub scene: Option<String>,
+    /// Ground that is not flat, in place of a scene.
+    pub terrain: Option<TerrainSpec>,
+    /// Levels of difficulty in training: shares of the terrain's heights.
+    pub levels: Option<usize>,
     /// One frame (s) [default: the robot's].
     pub frame_time: Option<f64>,
     /// Substeps of a frame [default: the robot's].

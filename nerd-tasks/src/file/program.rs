@@ -84,6 +84,7 @@ impl Program {
                         at[axis]
                     }
                     Leaf::Distance(point) => sight.distance(point),
+                    Leaf::Ground(at) => sight.ground(at),
                     Leaf::Controlled { call, i } => {
                         if i == 0 {
                             let action: Vec<N> = self.lists[call].iter().map(|x| value(&values, *x)).collect();

@@ -4,7 +4,9 @@ use std::collections::HashSet;
 use std::ops::Range;
 use std::sync::Mutex;
 
-use nerd_sim::{prelude::*, system::SystemError};
+use nerd_sim::prelude::*;
+use nerd_sim::range::within;
+use nerd_sim::system::{SystemError, TERRAIN};
 
 use super::expression::{Part, Reader};
 use super::keys::{Keys, Terms};
@@ -27,6 +29,7 @@ pub struct FileTask {
     miss: Program,
     residuals: Program,
     remembers: bool,
+    levels: Option<(usize, usize)>,
 }
 
 impl FileTask {
@@ -47,7 +50,15 @@ impl FileTask {
         if keys.rotors {
             system = Arc::new(Arc::unwrap_or_clone(system).with_rotors());
         }
-        let usual = system.spec.data_scene.clone().unwrap_or_else(|| "free".into());
+        let mut usual = system.spec.data_scene.clone().unwrap_or_else(|| "free".into());
+        if let Some(terrain) = keys.terrain {
+            if keys.scene.is_some() {
+                return Err(wrong("scene: [terrain] is the scene; leave one of the two out".into()));
+            }
+            system = Arc::new(Arc::unwrap_or_clone(system).with_terrain(terrain)?);
+            usual = TERRAIN.into();
+        }
+        levels(&keys).map_err(wrong)?;
         let scene = system.scene(keys.scene.as_ref().unwrap_or(&usual))?;
         let facts = Facts::new(&system, &scene, system.frame_time * keys.frames as f64);
         let actions = keys.actions.unwrap_or(system.robot.joint_count());
@@ -55,6 +66,7 @@ impl FileTask {
             return Err(wrong(format!("actions is {actions}; at most 4096 are borne")));
         }
         let (goal, commands, place) = commands(&keys);
+        let levels = keys.levels.map(|levels| (goal.len() - 2, levels));
         names(&facts, &keys, &commands).map_err(wrong)?;
         let read = |part: Part, key: &str, all: &[(String, String)], summed: bool| {
             let tape = Tape::default();
@@ -102,7 +114,7 @@ impl FileTask {
             frames: keys.frames,
         };
         about.check().map_err(wrong)?;
-        Ok(Self { about, system, text: text.into(), goal, place, observe, act, reward, over, miss, residuals, remembers })
+        Ok(Self { about, system, text: text.into(), goal, place, observe, act, reward, over, miss, residuals, remembers, levels })
     }
 }
 
@@ -117,8 +129,23 @@ fn commands(keys: &Keys) -> Commands {
         places.push((name.clone(), goal.len()..goal.len() + ranges.len()));
         goal.extend(ranges.iter().map(|range| [range.low, range.high]));
     }
+    if keys.levels.is_some() {
+        places.push(("level".into(), goal.len()..goal.len() + 1));
+        goal.extend([[1.0; 2], [0.0; 2]]);
+    }
     let place = places.first().is_some_and(|(name, at)| target(name) && at.len() == 3);
     (goal, places, place)
+}
+
+/// Refuses levels of nothing.
+fn levels(keys: &Keys) -> Result<(), String> {
+    let Some(levels) = keys.levels else { return Ok(()) };
+    let of = (keys.terrain.is_some(), keys.miss.is_some(), keys.command.contains_key("level"));
+    match of {
+        (true, true, false) => within("levels", levels as f64, 2.0..=1000.0, ""),
+        (_, _, true) => Err("command.level: with levels that is a word; choose another name".into()),
+        _ => Err("levels: an episode that succeeds by `miss` goes on to higher [terrain]; both are needed".into()),
+    }
 }
 
 /// Refuses names that mean something else, or nothing that can be written.
@@ -171,6 +198,10 @@ impl Formulas for FileTask {
 
     fn place(&self) -> bool {
         self.place
+    }
+
+    fn levels(&self) -> Option<(usize, usize)> {
+        self.levels
     }
 
     fn remembers(&self) -> bool {

@@ -16,7 +16,8 @@ pub(super) enum Of {
 pub(super) struct Facts {
     pub system: Arc<System>,
     pub up: Vector3<f64>,
-    /// Height of the ground (m), and of the root's origin above it where the lowest point stands on it.
+    /// Whether the ground is not flat; height of flat ground (m), and of the root's origin above it where the lowest point stands on it.
+    terrain: bool,
     floor: f64,
     standing: f64,
     /// Its longest side (m).
@@ -66,7 +67,8 @@ impl Facts {
         let tip = fixed.max_by(|a, b| a.norm().total_cmp(&b.norm())).unwrap_or_default();
         let (reach, ends) = (lengths[last] + tip.norm(), [point_position(&data, last, &tip), origin(first[last])]);
         let tool = (last, tip.into());
-        Self { system: system.clone(), up, floor, standing, size, feet, body, step, tool, ends, reach }
+        let terrain = scene.terrain().is_some();
+        Self { system: system.clone(), up, terrain, floor, standing, size, feet, body, step, tool, ends, reach }
     }
 
     /// Axes of the root by rows of the world's: `[i][j]` is how far its axis j goes along the world's axis i.
@@ -153,7 +155,8 @@ impl Facts {
             }
             "pi" => known(std::f64::consts::PI),
             "deg" => known(std::f64::consts::PI / 180.0),
-            "position" | "quaternion" | "twist" | "height" | "up" | "forward" | "velocity" | "spin" | "world_velocity" | "world_spin"
+            "position" | "quaternion" | "twist" | "height" | "ground" | "up" | "forward" | "velocity" | "spin" | "world_velocity"
+            | "world_spin"
                 if !robot.floating() =>
             {
                 return Some(Err(format!("`{name}` is of a free root, and the base of `{}` is fixed", system.name)));
@@ -170,15 +173,22 @@ impl Facts {
             "height" => {
                 let along = (0..3).filter(|k| self.up[*k] != 0.0).map(|k| Traced::from(self.up[k]) * state(tape, k));
                 let height = sum(along);
-                (vec![if self.floor == 0.0 { height } else { height - Traced::from(self.floor) }], Of::Numbers)
+                let flat = self.floor == 0.0 && !self.terrain;
+                (vec![if flat { height } else { height - self.ground(tape, [0.0; 2]) }], Of::Numbers)
             }
+            "ground" => (vec![self.ground(tape, [0.0; 2])], Of::Numbers),
             _ => return None,
         };
         Some(Ok(found))
     }
 
+    /// Height of the ground (m) so far ahead of a free root and to its left, as it heads.
+    pub fn ground<'a>(&self, tape: &'a Tape, at: [f64; 2]) -> Traced<'a> {
+        if self.terrain { tape.leaf(Leaf::Ground(at), f64::NAN) } else { Traced::from(self.floor) }
+    }
+
     /// Words that there are, beside those of parts of a file.
-    pub const WORDS: &str = "q, qd, rest, low, high, kp, kd, gain, most, position, quaternion, twist, height, up, forward, velocity, spin, \
+    pub const WORDS: &str = "q, qd, rest, low, high, kp, kd, gain, most, position, quaternion, twist, height, ground, up, forward, velocity, spin, \
                              world_velocity, world_spin, gap, radius, feet, body, mass, weight, size, standing, step, tool, rest_tool, \
                              shoulder, reach, pi, deg, action, last_action, torque";
 

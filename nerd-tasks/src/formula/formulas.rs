@@ -38,6 +38,11 @@ pub trait Formulas: Send + Sync {
         false
     }
 
+    /// As [`crate::Task::levels`].
+    fn levels(&self) -> Option<(usize, usize)> {
+        None
+    }
+
     /// Writes the observation.
     fn observe<N: Number>(&self, sight: &mut impl Sight<N>, out: &mut [N]);
 

@@ -13,6 +13,30 @@ FN double place(const Seen& s, int link, double x, double y, double z, int k) {
 }
 FN double gap(const Seen& s, int point) { return nearest(*s.work, point); }
 
+// Height of ground that is not flat, so far ahead of the root and to its left, as it heads.
+BIG double ground(const Seen& s, double ahead, double aside) {
+#if FIELDS
+    const double* f = terrain(s.scene);
+    const double x[3] = {1, 0, 0};
+    double along[3], at[3] = {0, 0, 0}, a = 0, b = 0, up = 0, slope[2];
+    rotate(s.state + 3, x, 1, along);
+    for (int i = 0; i < 3; i++) {
+        for (int k = 0; k < 2; k++) at[k] += f[1 + 3 * i + k] * (s.state[i] - f[10 + i]);
+        a += f[1 + 3 * i] * along[i];
+        b += f[2 + 3 * i] * along[i];
+        up += f[3 + 3 * i] * f[10 + i];
+    }
+    const double length = sqrt(a * a + b * b);
+    a = length > 1e-9 ? a / length : 1;
+    b = length > 1e-9 ? b / length : 0;
+    const int first[2] = {0, 0};
+    const double* g = grid(f);
+    return up + height(g, f[13], first, (at[0] + a * ahead - b * aside) / g[0], (at[1] + b * ahead + a * aside) / g[0], slope);
+#else
+    return 0;
+#endif
+}
+
 // Adds to loads on links what a gradient by one of these does.
 FN void place_back(const Seen& s, int link, double x, double y, double z, int k, double by, Wrench* load) {
     const Tree& t = s.work->tree;

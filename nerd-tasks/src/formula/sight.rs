@@ -19,6 +19,8 @@ pub trait Sight<N> {
     fn place(&mut self, link: usize, local: [f64; 3]) -> [N; 3];
     /// How far a contact point is from the scene (m), its radius not taken off; points in the order of the robot's `contact_points`.
     fn distance(&mut self, point: usize) -> N;
+    /// Height (m) of ground that is not flat ([`Scene::ground`]), so far (m) ahead of a free root and to its left; 0 of other ground.
+    fn ground(&mut self, at: [f64; 2]) -> N;
     /// The robot's own controller ([`nerd_sim::control::Controller`]): one action a joint in, one torque a joint out (N m or N).
     fn controlled(&mut self, action: &[N], torques: &mut [N]);
 }
@@ -69,6 +71,10 @@ impl Sight<f64> for Direct<'_> {
             self.placed = false;
         }
         events[point].distance
+    }
+
+    fn ground(&mut self, at: [f64; 2]) -> f64 {
+        self.view.scene.ground(self.view.state, at).unwrap_or(0.0)
     }
 
     fn controlled(&mut self, action: &[f64], torques: &mut [f64]) {
@@ -130,6 +136,11 @@ impl<'a> Sight<Traced<'a>> for Recorded<'a, '_> {
         self.tape.among("contact points", point, self.system.robot.contact_points.len());
         let gap = self.direct.as_mut().map_or(f64::NAN, |direct| direct.distance(point));
         self.tape.leaf(Leaf::Distance(point), gap)
+    }
+
+    fn ground(&mut self, at: [f64; 2]) -> Traced<'a> {
+        let height = self.direct.as_mut().map_or(f64::NAN, |direct| direct.ground(at));
+        self.tape.leaf(Leaf::Ground(at), height)
     }
 
     fn controlled(&mut self, action: &[Traced<'a>], torques: &mut [Traced<'a>]) {

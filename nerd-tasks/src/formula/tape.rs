@@ -22,6 +22,8 @@ pub(crate) enum Leaf {
     Place { link: usize, local: [f64; 3], axis: usize },
     /// How far a contact point is from the scene.
     Distance(usize),
+    /// Height of the ground so far ahead of a free root and to its left. It counts as constant.
+    Ground([f64; 2]),
     /// Torque i of a call of the controller, one after the other.
     Controlled { call: usize, i: usize },
     /// Gradient by number i of the action of a call, `by` its torques.

@@ -6,15 +6,15 @@ constexpr double FAR = 1e5;
 
 // All environments, row by row. `begun` and the seed's key determine the next draws; `memory` counts what a learned solver remembers of each.
 struct World {
-    double *states, *goals, *torques;
-    const double* scenes;
+    double *states, *goals, *torques, *scenes;
     const int* scene_of;
     int* faults;
     unsigned *memory, *failed;
     unsigned long long *frames, *begun, key[4], first;
     // Episodes that failed, and 1 + an environment whose start cannot be stepped.
     unsigned* counts;
-    int n;
+    // Whether episodes go up and down in levels.
+    int n, climbs;
     // States before the last frames of each, the newest first, where what is seen is late.
     double* before;
 };
@@ -25,11 +25,19 @@ FN unsigned long long stream_of(const World& w, int env) { return (w.first + env
 BIG void restart(const World& w, int env) {
     Draws d = draws(w.key, (w.first + env) << 32 | w.begun[env]);
     w.begun[env]++;
-    double* goal = w.goals + (long long)env * GOALS;
+    double *goal = w.goals + (long long)env * GOALS, *scene = w.scenes + (long long)w.scene_of[env] * SCENE;
+    const double level = LEVELS ? goal[LEVEL_AT] : 1;
     for (int k = 0; k < GOALS; k++) goal[k] = k < GOALS - MEMORY ? between(d, ASKED + 2 * k) : 0;
     double state[STATE];
     for (int k = 0; k < STATE; k++) state[k] = 0;
     start(d, state);
+#if FIELDS
+#if LEVELS
+    if (w.climbs) goal[LEVEL_AT] = level;
+    terrain(scene)[13] = goal[LEVEL_AT];
+#endif
+    if (DOFS) strewn(d, state, scene);
+#endif
     for (int k = 0; k < STATE; k++) w.states[(long long)env * STATE + k] = state[k];
     w.frames[env] = 0;
     w.faults[env] = 0;
@@ -42,6 +50,16 @@ FN void counted(const World& w, int env) {
     if (w.frames[env] == 0 && !w.failed[env]) w.counts[1] = 1 + env;
     w.failed[env] = 1;
     restart(w, env);
+}
+
+// Where the next episode's level is: up after one that lasted and succeeded, down after one that did not last.
+FN void climb(const World& w, int env, bool lasted) {
+#if LEVELS
+    constexpr unsigned long long steps = LENGTH / STEP_FRAMES;
+    double* goal = w.goals + (long long)env * GOALS + LEVEL_AT;
+    const double level = floor(goal[0] * LEVELS + 0.5) + (!lasted ? -1 : goal[1] <= steps - steps / 2 ? 1 : 0);
+    if (w.climbs) goal[0] = fmin(fmax(level, 1.0), (double)LEVELS) / LEVELS;
+#endif
 }
 
 // An environment for formulas that ask, or not, for links and distances.
@@ -141,6 +159,11 @@ FN void judge(const World& w, int env, const double* row, double* next, double* 
         *end = out != 0 ? 1 : w.frames[env] >= LENGTH ? 2 : 0;
         if (REWARD_ASKS && !OVER_ASKS) s = seen(w, env, work, true);
         task_reward(s, w.torques + (long long)env * NJ, reward);
+#if LEVELS
+        if (MISS_ASKS && !OVER_ASKS && !REWARD_ASKS) s = seen(w, env, work, true);
+        task_miss(s, &out);
+        if (2 * w.frames[env] > LENGTH) w.goals[(long long)env * GOALS + LEVEL_AT + 1] += out;
+#endif
         observe(w, env, work, now);
         pushed(now, row, next, depth);
         if (*end == 2) {
@@ -149,6 +172,7 @@ FN void judge(const World& w, int env, const double* row, double* next, double* 
         }
     }
     if (!*end) return;
+    climb(w, env, *end == 2);
     restart(w, env);
     for (int k = 0; k < depth * SEEN; k++) next[k] = 0;
     observe(w, env, work, next);

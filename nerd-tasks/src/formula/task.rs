@@ -36,6 +36,10 @@ impl<F: Formulas> Task for F {
         if self.remembers() { 2 * Formulas::about(self).action } else { 0 }
     }
 
+    fn levels(&self) -> Option<(usize, usize)> {
+        Formulas::levels(self)
+    }
+
     fn draw_goal(&self, rng: &mut ChaCha8Rng, out: &mut [f64]) {
         out[self.goal().len()..].fill(0.0);
         out.iter_mut().zip(self.goal()).for_each(|(x, [low, high])| *x = low + (high - low) * rng.random::<f64>());
@@ -81,7 +85,8 @@ impl<F: Formulas> Task for F {
 /// What of the robot's starts has no kernel; a formula that speaks of what there is not.
 fn program(task: &impl Formulas, system: &System, reach: Reach, slopes: bool) -> Result<String, String> {
     let (about, mut text) = (Formulas::about(task), episode(system, reach)?);
-    let goals = [("GOALS", task.goal_dim()), ("MEMORY", task.memory())];
+    let (level, levels) = Formulas::levels(task).unwrap_or_default();
+    let goals = [("GOALS", task.goal_dim()), ("MEMORY", task.memory()), ("LEVEL_AT", level), ("LEVELS", levels)];
     let sizes = [("SEEN", about.observation), ("ACTIONS", about.action), ("STEP_FRAMES", about.frames as usize)];
     for (name, n) in sizes.into_iter().chain(goals) {
         let _ = writeln!(text, "#define {name} {n}");

@@ -64,6 +64,7 @@ impl Tape {
                     Leaf::By(k) => format!("by[{k}]"),
                     Leaf::Place { link, local, axis } => format!("place(s, {})", place(link, local, axis)),
                     Leaf::Distance(point) => format!("gap(s, {point})"),
+                    Leaf::Ground([x, y]) => format!("ground(s, {x:e}, {y:e})"),
                     Leaf::Controlled { call, i } => {
                         if i == 0 {
                             let list = list(call);
@@ -134,7 +135,7 @@ fn back(tape: &Tape, said: &[Traced]) -> String {
     ends.lines
 }
 
-/// A task's formulas as functions of C: `task_observe`, `task_act`, `task_reward` and `task_over`, each with a word before it that tells
+/// A task's formulas as functions of C: `task_observe`, `task_act`, `task_reward`, `task_over` and, with levels, `task_miss`, each with a word before it that tells
 /// whether it asks for links or distances. With `slopes` also `task_observe_back`, `task_act_back` and `task_reward_back`, which add to
 /// gradients by the state, in its tangent space, by action and by torques what comes of those `by` what was said.
 ///
@@ -188,5 +189,9 @@ pub fn written(task: &impl Formulas, system: &System, slopes: bool) -> Result<St
         given(&[task.reward(sight, &torques)])
     })?;
     function("over", ("", "out", None), &|sight| given(&[task.over(sight)]))?;
+    // What levels go by.
+    if Task::levels(task).is_some() {
+        function("miss", ("", "out", None), &|sight| given(&[task.miss(sight).unwrap_or(Traced::Number(f64::INFINITY))]))?;
+    }
     Ok(functions)
 }

@@ -11,7 +11,7 @@ mod rewards;
 mod slopes;
 mod steps;
 
-use nerd_sim::articulated::device::{Reach, record};
+use nerd_sim::articulated::device::{Reach, records};
 use nerd_sim::{prelude::*, system::Source};
 use nerd_tasks::{Episodes, named, names};
 
@@ -59,9 +59,9 @@ fn apart(found: &[f64], expected: &[f64]) -> f64 {
 /// Every environment's scene and robot as kernels have them.
 fn recorded(batch: &Batch) -> Vec<f64> {
     let config = ArticulatedConfig::implicit(1, Friction::Coulomb);
-    (0..batch.len())
-        .flat_map(|env| record(&batch.scenes[env], batch.of(env), &config, Reach::of(batch)).expect("a scene with kernels"))
-        .collect()
+    // Of scenes that are not shared each has a record.
+    let scenes = batch.scenes.iter().map(|scene| Arc::new((**scene).clone())).collect();
+    records(&Batch { scenes, ..batch.clone() }, &config, Reach::of(batch)).expect("scenes with kernels").0
 }
 
 fn doubles(bytes: &[u8]) -> Vec<f64> {

@@ -77,6 +77,10 @@ impl Trainer {
         if found != wanted {
             refuse!("{found} environments, the settings ask for {wanted}");
         }
+        if config.algorithm == Algorithm::Shac && episodes.task.levels().is_some() {
+            refuse!("task `{}` has levels, which PPO alone goes through: take PPO, or a task without levels", episodes.task.name());
+        }
+        episodes.climb()?;
         let shape = Shape::of(&*episodes.task, &config);
         let mut policy = Policy::new(shape, &mut StreamKey { seed, number: 0 }.rng());
         let engine: Box<dyn Engine> = match config.algorithm {

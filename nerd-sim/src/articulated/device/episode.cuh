@@ -94,6 +94,45 @@ BIG void start(Draws& d, double* state) {
     }
 }
 
+#if FIELDS
+// The lowest place of a contact point, from the root along `up`, and how far above ground that is not flat.
+FN void lowest(Work& w, const double* state, const double* scene, V3 up, real& low, real& above) {
+    settle(w, state, scene);
+    int ground = 0;
+    while (w.surface[ground].kind != 4) ground++;
+    low = above = infinite();
+    for (int p = 0; p < NP; p++) {
+        V3 normal, nearest;
+        const V3 place = facing(w.tree, p, up, true);
+        const real d = distance(w.surface[ground], place, normal, nearest) - RADIUS[p];
+        low = least(low, dot(up, place) - RADIUS[p]);
+        above = least(above, d / dot(normal, up));
+    }
+}
+
+// A start somewhere on it, as scene/terrain.rs has it.
+BIG void strewn(Draws& d, double* state, const double* scene) {
+    const double *f = terrain(scene), *g = grid(f);
+    const V3 up = v3(f[3], f[6], f[9]);
+    Work w;
+    real low, above, none;
+    lowest(w, state, scene, up, low, none);
+    if (NP == 0) return;
+    for (int k = 0; k < 3; k++) low += (k == 0 ? up.x : k == 1 ? up.y : up.z) * (state[k] - f[10 + k]);
+    const double x = g[0] * g[1] * one(d), y = g[0] * g[2] * one(d);
+    double by[3];
+    for (int pass = 0; pass < 2; pass++) {
+        for (int k = 0; k < 3; k++) by[k] = pass == 0 ? f[1 + 3 * k] * x + f[2 + 3 * k] * y : f[3 + 3 * k] * (low - above);
+        for (int k = 0; k < 3; k++) {
+            const int i = (k + 1) % 3, j = (k + 2) % 3;
+            state[k] += by[k];
+            state[NQ + 3 + k] += by[i] * state[NQ + j] - by[j] * state[NQ + i];
+        }
+        if (pass == 0) lowest(w, state, scene, up, none, above);
+    }
+}
+#endif
+
 // The matrix of a position law a frame ahead, without contact, factorised; false at a state that has none.
 BIG bool stiffened(const double* state, const double* scene, Tree& t) {
     know(t, scene);

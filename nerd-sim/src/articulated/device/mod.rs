@@ -6,6 +6,7 @@ mod episode;
 mod motion;
 mod own;
 mod program;
+mod records;
 #[cfg(feature = "cuda")]
 mod roll;
 #[cfg(feature = "cuda")]
@@ -24,6 +25,7 @@ pub use episode::{RANDOM, episode};
 pub use motion::{BLOCK, Motion};
 pub use own::Own;
 pub use program::{Reach, Real, fault, functions, packed, program, record, surfaces};
+pub use records::records;
 #[cfg(feature = "cuda")]
 pub use roll::{OnDevice, Roll};
 #[cfg(feature = "cuda")]

@@ -34,7 +34,7 @@ const KERNELS: [&str; 13] = [
 const ALONE: [&str; 2] = [include_str!("rig.cuh"), include_str!("alone.cuh")];
 
 /// Numbers of a collider in a scene's record.
-const COLLIDER: usize = 20;
+pub(super) const COLLIDER: usize = 20;
 /// The most steps of a factorisation that are written one by one into the text.
 const WALKS: usize = 4000;
 /// What a frame says beyond `1 + DoF` of a mass matrix that is none: a distance that is not a number, a state that is none.
@@ -58,6 +58,8 @@ pub struct Reach {
     pub colliders: usize,
     /// Whether there are drives.
     pub driven: bool,
+    /// Whether there is ground that is not flat.
+    pub fields: bool,
     /// What each robot has of its own.
     pub own: Own,
 }
@@ -66,13 +68,14 @@ impl Reach {
     /// What a batch asks for.
     pub fn of(batch: &Batch) -> Self {
         let colliders = batch.scenes.iter().map(|s| s.colliders.len()).max().unwrap_or(0);
-        Self { colliders, driven: !batch.drives.is_empty(), own: Own::of(batch) }
+        let fields = batch.scenes.iter().any(|s| s.terrain().is_some());
+        Self { colliders, driven: !batch.drives.is_empty(), fields, own: Own::of(batch) }
     }
 }
 
 /// Vectors in 64 bits, the surfaces of a scene with so many colliders, and the numbers of faults: what needs no robot.
 pub fn surfaces(colliders: usize) -> Text {
-    let sizes = format!("#define REAL double\n#define NC {colliders}\n#define LOST {LOST}\n#define GONE {GONE}\n");
+    let sizes = format!("#define REAL double\n#define FIELDS 0\n#define NC {colliders}\n#define LOST {LOST}\n#define GONE {GONE}\n");
     Text(sizes + KERNELS[0] + KERNELS[1])
 }
 
@@ -119,6 +122,7 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
         ("ALONG", deep(system)),
         ("WATCHED", implicit && system.stand_ins.is_empty() && system.folds.is_empty()),
         ("DRIVEN", reach.driven),
+        ("FIELDS", reach.fields),
         ("RIGGED", reach.own.rigged()),
         ("LOCI", robot.contact_points.iter().any(|p| p.locus != Locus::Fixed)),
     ];
@@ -254,6 +258,10 @@ pub fn record(scene: &Scene, system: &System, config: &ArticulatedConfig, reach:
             own[0] = 3.0;
             stand(&mut own);
             own[13..15].copy_from_slice(&[peg.radius, peg.half_height]);
+        } else if let Some(field) = body.field.as_ref().filter(|_| reach.fields) {
+            own[0] = 4.0;
+            stand(&mut own);
+            own[13] = field.scale();
         } else {
             return Err(format!(
                 "scene `{}`, collider {k}: on a device there are planes, boxes and pegs alone; step it on the CPU",

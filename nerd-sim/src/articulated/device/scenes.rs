@@ -2,7 +2,8 @@
 
 use nerd_cuda::Device;
 
-use super::program::{Reach, packed, record};
+use super::program::{Reach, packed};
+use super::records::records;
 use crate::prelude::*;
 use crate::solver::device::{Held, failed};
 
@@ -34,20 +35,7 @@ fn same<T>(known: &[Arc<T>], now: &[Arc<T>]) -> bool {
 /// Takes over the batch's scenes and what robots in them have of their own.
 fn know(held: &mut Held, device: &Device, batch: &Batch, config: &ArticulatedConfig, reach: Reach) -> Result<(), StepError> {
     held.scenes.clear();
-    let (mut records, mut of, mut last): (Vec<f64>, Vec<i32>, Option<&Arc<Scene>>) = (Vec::new(), Vec::new(), None);
-    let mut count = 0;
-    for (env, scene) in batch.scenes.iter().enumerate() {
-        let own = batch.of(env);
-        if own.spec.vary != batch.system.spec.vary || own.spec.vary.is_none() && !batch.systems.is_empty() {
-            return Err(StepError::Refused("on a device a batch's [vary] tells how its robots differ: draw them by it".into()));
-        }
-        // Environments mostly share one.
-        if !batch.systems.is_empty() || !last.is_some_and(|known| Arc::ptr_eq(known, scene)) {
-            records.extend(record(scene, own, config, reach).map_err(StepError::Refused)?);
-            (last, count) = (Some(scene), count + 1);
-        }
-        of.push(count - 1);
-    }
+    let (records, of) = records(batch, config, reach).map_err(StepError::Refused)?;
     held.records = device.upload(&records).map_err(failed)?;
     device.write(&held.scene_of, &of).map_err(failed)?;
     held.scenes.clone_from(&batch.scenes);

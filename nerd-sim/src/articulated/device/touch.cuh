@@ -105,22 +105,32 @@ FN void press(Work& w, int point, int c, V3 n, V3 nearest, real h) {
 constexpr int WORD = 32, WORDS = NP / WORD + 1;
 
 // Which points may be beyond a plane in some part of the substep: for all of them together little work, and none for those that are far.
-// A distance that is not a number may be anywhere.
+// A distance that is not a number may be anywhere. Of ground that is not flat, which may be beyond the plane of its highest place: a ball touches a
+// slope before it comes down to it.
 FN void near(const Tree& t, const Surface& plane, real h, unsigned* mask) {
     const V3 n = plane.normal;
+#if FIELDS
+    const bool field = plane.kind == 4;
+    const real steep = field ? plane.steep : 1;
+#else
+    constexpr bool field = false;
+    constexpr real steep = 1;
+#endif
     onward<0, NP, UNROLLED && NP <= 64>([&](auto point) {
         const int link = POINT_LINK[point];
         if (LOCI && LOCUS[point]) {
             // Wherever on its link it lies, it does not come down: its vertices need not be asked.
             const V3 m = middle(t, point);
             const real speed = norm(at(t.velocity[link], m)) + norm(t.velocity[link].ang) * REACH[point];
-            const real d = dot(n, m) - plane.offset - REACH[point] - RADIUS[point];
-            if (d > (real)0.5 * h * speed + (real)1e-4 * (1 + size(d) + size(plane.offset))) return;
+            const real d = dot(n, m) - plane.offset - steep * (REACH[point] + RADIUS[point]);
+            if (d > steep * (real)0.5 * h * speed + (real)1e-4 * (1 + size(d) + size(plane.offset))) return;
+            if (field) { mask[point / WORD] |= 1u << point % WORD; return; }
         }
         const V3 p = facing(t, point, n, true);
-        const real d = dot(n, p) - plane.offset, way = (real)0.5 * h * dot(n, at(t.velocity[link], p));
+        const V3 v = at(t.velocity[link], p);
+        const real d = dot(n, p) - plane.offset, way = (real)0.5 * h * (field ? norm(v) : dot(n, v));
         // With room for rounding; `press` decides.
-        if (!(d - RADIUS[point] - size(way) > (real)1e-4 * (1 + size(d) + size(plane.offset)))) mask[point / WORD] |= 1u << point % WORD;
+        if (!(d - steep * (RADIUS[point] + size(way)) > (real)1e-4 * (1 + size(d) + size(plane.offset)))) mask[point / WORD] |= 1u << point % WORD;
     });
 }
 
@@ -166,7 +176,7 @@ BIG bool find(Work& w, real h, const double* drives) {
     w.touches = 0;
     onward<0, NJ>([&](auto i) { w.pull[i] = SPRING[i] == 0 ? 0 : SPRING[i] * (real)((double)SLACK[i] - tr.q[COORDS + i]); });
     unsigned mask[WORDS];
-    const bool flat = w.surfaces == 1 && w.surface[0].kind == 1;
+    const bool flat = w.surfaces == 1 && (w.surface[0].kind == 1 || FIELDS && w.surface[0].kind == 4);
     for (int k = 0; k < WORDS; k++) mask[k] = flat ? 0 : ~0u;
     if (flat) near(tr, w.surface[0], h, mask);
     for (int k = 0; k < WORDS && w.surfaces > 0; k++) {

@@ -12,6 +12,7 @@ struct Fields {
     first: u64,
     counts: u64,
     n: i32,
+    climbs: i32,
     before: u64,
 }
 
@@ -62,6 +63,7 @@ impl World {
     /// What of task, scene or robot has no kernel; or that there is not enough memory.
     pub(super) fn new(episodes: &mut Episodes, beside: &Device, back: Option<usize>) -> Result<Option<Self>, StepError> {
         let (kept, most, (seed, first), task) = (episodes.snapshot(), episodes.remembered(), episodes.draws(), &episodes.task);
+        let climbs = i32::from(episodes.climbs());
         let Simulation { batch, solver } = &mut episodes.simulation;
         let Some(resident) = solver.resident() else { return Ok(None) };
         let (n, system) = (batch.len(), &batch.system);
@@ -86,7 +88,7 @@ impl World {
             let at = [states, goals.ptr, torques, records, of, held.faults.ptr, memory, failed.ptr, frames.ptr, begun.ptr];
             let before = device.upload(&before(&kept, if system.sensed() { LATEST as usize } else { 0 }, n))?;
             let fields =
-                Fields { at, key: key(&stream(seed, 0)), first: first as u64, counts: counts.ptr, n: n as i32, before: before.ptr };
+                Fields { at, key: key(&stream(seed, 0)), first: first as u64, counts: counts.ptr, n: n as i32, climbs, before: before.ptr };
             let frames_back = steps * task.frames() as usize;
             let (room, sizes) = (most.max(frames_back), [kept.states.len(), n * system.robot.joint_count(), kept.goals.len()]);
             let [states, torques, asked] = sizes.map(|size| device.zeros(room * size));

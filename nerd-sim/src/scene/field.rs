@@ -1,0 +1,178 @@
+//! Ground that is not flat: a grid of heights that repeats along x and y, bilinear between its nodes. Distance and normal of a place are those of
+//! the surface straight below it, so a ball's are off by what the surface bends under it.
+
+use std::f64::consts::TAU;
+use std::sync::Mutex;
+
+use rand::RngExt;
+
+use crate::{internal::*, random::stream};
+
+/// Nodes of a drawn field along x and along y.
+const NODES: usize = 128;
+
+/// How a field's heights are drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum TerrainKind {
+    /// Each node's height from `U(0, height)`.
+    Rubble,
+    /// Stairs that go up to the middle of the field from all sides: `height` a step, `length` deep.
+    Steps,
+    /// The same without steps.
+    Slopes,
+    /// Waves along x and y, of this height and about this length.
+    Waves,
+}
+
+/// Ground in a TOML.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct TerrainSpec {
+    /// Its kind.
+    pub kind: TerrainKind,
+    /// Height (m): see [`TerrainKind`].
+    pub height: f64,
+    /// Distance of its nodes (m); it repeats after 128.
+    #[serde(default = "cell")]
+    pub cell: f64,
+    /// Depth of a step, or length of a wave (m).
+    #[serde(default = "length")]
+    pub length: f64,
+    /// Seed of what is drawn.
+    #[serde(default)]
+    pub seed: u64,
+}
+
+fn cell() -> f64 {
+    0.1
+}
+
+fn length() -> f64 {
+    1.0
+}
+
+impl TerrainSpec {
+    /// Says which number is out of its range, if one is.
+    pub fn check(&self) -> Result<(), String> {
+        within("`height`", self.height, 0.0..=10.0, "m")?;
+        within("`cell`", self.cell, 1e-3..=10.0, "m")?;
+        within("`length`", self.length, self.cell..=NODES as f64 * self.cell, "m")
+    }
+}
+
+/// A grid of heights (m), repeating.
+#[derive(Clone, Debug)]
+pub struct Field {
+    cell: f64,
+    nodes: [usize; 2],
+    /// `[x][y]`, before scaling.
+    heights: Arc<[f64]>,
+    highest: f64,
+    /// Bound of the square of its slope.
+    steepest: f64,
+    /// Heights are multiplied by it.
+    scale: f64,
+}
+
+impl Field {
+    /// Of heights (m) `[x][y]` at nodes `cell` (m) apart.
+    ///
+    /// # Errors
+    /// If there are not so many heights, or one is not finite.
+    pub fn new(cell: f64, nodes: [usize; 2], heights: Vec<f64>) -> Result<Self, String> {
+        within("`cell`", cell, 1e-6..=1e6, "m")?;
+        let [n, m] = nodes;
+        if n == 0 || n.checked_mul(m) != Some(heights.len()) || !heights.iter().all(|h| h.abs() <= 1e6) {
+            return Err(format!("{} heights of {n} x {m} nodes: as many finite ones are needed, of at most 1e6 m", heights.len()));
+        }
+        let rise = |(di, dj): (usize, usize)| {
+            let other = |k: usize| heights[(k / m + di) % n * m + (k % m + dj) % m];
+            heights.iter().enumerate().map(|(k, h)| ((other(k) - h) / cell).powi(2)).fold(0.0, f64::max)
+        };
+        let (highest, steepest) = (heights.iter().copied().fold(f64::MIN, f64::max), rise((1, 0)) + rise((0, 1)));
+        Ok(Self { cell, nodes, heights: heights.into(), highest, steepest, scale: 1.0 })
+    }
+
+    /// As a TOML has it. The same words give the same memory, as long as they are the last ones.
+    pub(crate) fn drawn(spec: &TerrainSpec) -> Result<Self, String> {
+        static LAST: Mutex<Option<(TerrainSpec, Field)>> = Mutex::new(None);
+        spec.check()?;
+        let mut last = LAST.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        if let Some((_, field)) = last.as_ref().filter(|(known, _)| known == spec) {
+            return Ok(field.clone());
+        }
+        let TerrainSpec { kind, height, cell, length, seed } = *spec;
+        let (mut rng, side) = (stream(seed, 0), NODES as f64 * cell);
+        let wave = TAU * (side / length).round().max(1.0) / side;
+        let heights = (0..NODES * NODES).map(|k| {
+            let [x, y] = [k / NODES, k % NODES].map(|i| i as f64 * cell);
+            // From the edge inward, in steps or lengths.
+            let inward = [x, side - x, y, side - y].into_iter().fold(f64::INFINITY, f64::min) / length;
+            match kind {
+                TerrainKind::Rubble => height * rng.random::<f64>(),
+                TerrainKind::Steps => height * (inward + 1e-9).floor(),
+                TerrainKind::Slopes => height * inward,
+                TerrainKind::Waves => 0.5 * height * (1.0 + (wave * x).sin() * (wave * y).sin()),
+            }
+        });
+        let field = Self::new(cell, [NODES; 2], heights.collect())?;
+        *last = Some((*spec, field.clone()));
+        Ok(field)
+    }
+
+    /// The same with its heights multiplied by this.
+    #[must_use]
+    pub fn scaled(&self, scale: f64) -> Self {
+        Self { scale, ..self.clone() }
+    }
+
+    /// After how far it repeats along x and y (m).
+    pub fn period(&self) -> [f64; 2] {
+        self.nodes.map(|n| n as f64 * self.cell)
+    }
+
+    /// Height (m) at (x, y), and how it rises along x and along y.
+    pub fn at(&self, x: f64, y: f64) -> (f64, [f64; 2]) {
+        let ([u, v], [n, m]) = ([x, y].map(|x| x / self.cell), self.nodes.map(|n| n as i64));
+        let (i, j) = (u.floor(), v.floor());
+        let (a, b) = (u - i, v - j);
+        // A place that is no number has no height: a and b say so.
+        let node = |di: i64, dj: i64| {
+            let [i, j] = [((i as i64).wrapping_add(di)).rem_euclid(n), ((j as i64).wrapping_add(dj)).rem_euclid(m)];
+            self.heights[(i * m + j) as usize] * self.scale
+        };
+        let [o, p, q, r] = [node(0, 0), node(1, 0), node(0, 1), node(1, 1)];
+        let (low, high) = (o + a * (p - o), q + a * (r - q));
+        let along = (p - o) + b * ((r - q) - (p - o));
+        (low + b * (high - low), [along / self.cell, (high - low) / self.cell])
+    }
+
+    /// Whether a place this high (m) is at least `reach` (m) from it, as far as its highest place and steepest slope tell.
+    pub(crate) fn beyond(&self, high: f64, reach: f64) -> bool {
+        high - self.highest * self.scale >= reach * (1.0 + self.steepest * self.scale * self.scale).sqrt()
+    }
+
+    /// Its distance from a place in its own axes (m), and its normal there.
+    pub(crate) fn over(&self, place: &Vector3<f64>) -> (f64, Vector3<f64>) {
+        let (height, [along, aside]) = self.at(place.x, place.y);
+        let normal = Vector3::new(-along, -aside, 1.0).normalize();
+        ((place.z - height) * normal.z, normal)
+    }
+
+    /// What its heights are multiplied by.
+    pub fn scale(&self) -> f64 {
+        self.scale
+    }
+
+    /// Cell, nodes, highest place, bound of the squared slope, heights: all before scaling.
+    pub(crate) fn numbers(&self) -> Vec<f64> {
+        let head = [self.cell, self.nodes[0] as f64, self.nodes[1] as f64, self.highest, self.steepest];
+        head.into_iter().chain(self.heights.iter().copied()).collect()
+    }
+
+    /// Whether both have their heights in the same memory.
+    pub(crate) fn shares(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.heights, &other.heights)
+    }
+}

@@ -1,0 +1,55 @@
+//! Robots on ground that is not flat: how high it is around them, and where they begin on it.
+
+use crate::{internal::*, scene::foot, scene::place};
+
+use super::{Collider, Field};
+
+impl Scene {
+    /// The ground, if it is not flat.
+    pub fn terrain(&self) -> Option<(&Collider, &Field)> {
+        self.colliders.iter().find_map(|body| Some((body, body.field.as_ref()?)))
+    }
+
+    /// The same with the heights of its ground multiplied by this.
+    #[must_use]
+    pub fn scaled(&self, scale: f64) -> Self {
+        let mut own = self.clone();
+        own.colliders.iter_mut().filter_map(|body| body.field.as_mut()).for_each(|field| *field = field.scaled(scale));
+        own
+    }
+
+    /// Height (m, along the up axis) of ground that is not flat, so far (m) ahead of the free root of a state and to its left, as it heads.
+    pub fn ground(&self, state: &[f64], [ahead, aside]: [f64; 2]) -> Option<f64> {
+        let (body, field) = self.terrain()?;
+        let at = body.inside(&vector(&state[..3]));
+        let along = body.pose.rotation.inverse_transform_vector(&(quaternion(&state[3..7]) * Vector3::x()));
+        let length = along.x.hypot(along.y);
+        let [c, s] = if length > 1e-9 { [along.x / length, along.y / length] } else { [1.0, 0.0] };
+        let (height, _) = field.at(at.x + c * ahead - s * aside, at.y + s * ahead + c * aside);
+        Some(body.up().dot(&body.pose.translation.vector) + height)
+    }
+
+    /// Puts the start of a free root somewhere on ground that is not flat, its lowest place as far above that as it was above height 0. Flat
+    /// ground draws nothing.
+    pub fn strew(&self, robot: &Robot, data: &mut Data, state: &mut [f64], rng: &mut impl Rng) {
+        let Some((body, field)) = self.terrain().filter(|_| robot.floating()) else { return };
+        let (up, nq, [wide, deep]) = (body.up(), robot.nq(), field.period());
+        let mut shift = |by: Vector3<f64>, state: &mut [f64]| {
+            let turning = by.cross(&vector(&state[nq..nq + 3]));
+            (0..3).for_each(|k| state[k] += by[k]);
+            // Its velocity is about the world's origin.
+            (0..3).for_each(|k| state[nq + 3 + k] += turning[k]);
+            kinematics(robot, state, data);
+            let over = |point: &ContactPoint| {
+                let event = body.query(&place(point, data, &up));
+                (foot(point, data, &up), (event.distance - point.radius) / event.normal.dot(&up))
+            };
+            let least = |a: (f64, f64), b: (f64, f64)| (a.0.min(b.0), a.1.min(b.1));
+            robot.contact_points.iter().map(over).reduce(least)
+        };
+        let Some((low, _)) = shift(Vector3::zeros(), state) else { return };
+        let (x, y) = (wide * rng.random::<f64>(), deep * rng.random::<f64>());
+        let Some((_, above)) = shift(body.pose.rotation * Vector3::new(x, y, 0.0), state) else { return };
+        shift(up * (low - up.dot(&body.pose.translation.vector) - above), state);
+    }
+}

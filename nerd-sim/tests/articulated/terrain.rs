@@ -1,0 +1,134 @@
+//! Ground that is not flat, against hand values, planes and the law of rolling.
+
+use nerd_sim::scene::{foot, place};
+use nerd_sim::suite::bodies::Body;
+use parry3d_f64::shape::SharedShape;
+
+use super::common::*;
+
+fn ground(field: Field, beside: Vec<Collider>) -> Scene {
+    let terrain = Collider::terrain(field, Isometry3::identity(), Material::default());
+    Scene { name: "test".into(), gravity: Vector3::new(0.0, 0.0, -9.81), colliders: [vec![terrain], beside].concat() }
+}
+
+#[test]
+fn heights_and_normals_are_bilinear() {
+    let field = Field::new(0.5, [2, 2], vec![0.0, 1.0, 2.0, 4.0]).expect("four heights");
+    // Of the four heights 0 and 2 (x), 1 and 4 (x, at the next y), in the middle along x and a quarter along y; and a period away.
+    for (x, y) in [(0.25, 0.125), (-0.75, 1.125)] {
+        let (height, slope) = field.at(x, y);
+        assert!((height - 1.375).abs() < 1e-12, "{height} m");
+        assert!((slope[0] - 4.5).abs() + (slope[1] - 3.0).abs() < 1e-12, "{slope:?}");
+    }
+    // Behind the last node comes the first one: from 2 back to 0.
+    assert_eq!(field.scaled(0.5).at(0.75, 0.0), (0.5, [-2.0, 1.5]));
+    let event = ground(field, Vec::new()).contact(&Vector3::new(0.25, 0.125, 2.375));
+    let steep = (1.0f64 + 4.5 * 4.5 + 9.0).sqrt();
+    assert!((event.distance - 1.0 / steep).abs() < 1e-12, "{} m away", event.distance);
+    assert!((event.normal - Vector3::new(-4.5, -3.0, 1.0) / steep).norm() < 1e-12, "{:?}", event.normal);
+    for wrong in [Field::new(0.1, [2, 2], vec![0.0; 3]), Field::new(0.0, [1, 1], vec![0.0]), Field::new(0.1, [1, 1], vec![f64::NAN])] {
+        line(wrong);
+    }
+}
+
+/// What is passed over since it is above the highest place would not have been the nearest, beside a ball in the air.
+#[test]
+fn what_is_passed_over_is_not_the_nearest() {
+    let system = on_rubble("cube");
+    let field = system.scene("terrain").expect("its own").terrain().expect("terrain").1.clone();
+    let ball = Collider::new(SharedShape::ball(0.1), Isometry3::translation(0.0, 0.0, 0.4), Material::default());
+    let both = ground(field, vec![ball]);
+    let alone = [0, 1].map(|k| Scene { colliders: vec![both.colliders[k].clone()], ..both.clone() });
+    let mut nearest = [0; 2];
+    for k in 0..500 {
+        let k = k as f64;
+        let p = Vector3::new(0.4 * (1.3 * k).sin(), 0.4 * (2.1 * k).cos(), 0.3 + 0.3 * (0.7 * k).sin());
+        let [a, b] = alone.each_ref().map(|scene| scene.contact(&p).distance);
+        let event = both.contact(&p);
+        assert_eq!(event.distance, a.min(b), "at {p:?}");
+        nearest[event.collider] += 1;
+    }
+    assert!(nearest.iter().all(|n| *n > 100), "{nearest:?}");
+}
+
+/// On heights of 0 everything moves as on the plane.
+#[test]
+fn flat_terrain_is_the_plane() {
+    let none = TerrainSpec { kind: TerrainKind::Rubble, height: 0.0, cell: 0.1, length: 1.0, seed: 0 };
+    for name in ["cube", "ant"] {
+        let system = Arc::new((*built_in(name)).clone().with_terrain(none).expect("in range"));
+        let state = start(&system, Start::Reset, &mut stream(2, 0));
+        let mut solver = Articulated::new(ArticulatedConfig::accurate(&system));
+        let [flat, plane] = ["terrain", "plane"].map(|scene| end(&mut solver, at(&system, scene, &state), 0.0, 90));
+        let off = flat.iter().zip(&plane).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let touches = system.scene("plane").expect("a world").contact(&vector(&plane[..3])).distance < 1.0;
+        assert!(off < 1e-12 && touches, "{name}: {off:e} apart at {plane:?}");
+    }
+}
+
+/// A solid ball rolls down a slope at 5/7 g sin, and exactly as down a plane.
+#[test]
+fn a_ball_rolls_down_a_slope() {
+    let (radius, mass, rise) = (0.1, 1.0, 0.2f64);
+    let body =
+        Body { mass, inertia: [0.4 * mass * radius * radius; 3], shape: format!(r#"<sphere radius="{radius}"/>"#), ..Body::default() };
+    let slopes = TerrainSpec { kind: TerrainKind::Slopes, height: rise, cell: 0.1, length: 1.0, seed: 0 };
+    let system = Arc::new((*body.system().expect("a ball")).clone().with_terrain(slopes).expect("in range"));
+    let angle = rise.atan();
+    let normal = Vector3::new(-angle.sin(), 0.0, angle.cos());
+    let plane = Collider::plane(Plane { normal, offset: 0.0 }, system.spec.material);
+    let plane = Arc::new(Scene { colliders: vec![plane], ..Scene::free(system.gravity()) });
+    let start = Body::at([3.0, 6.4, 0.6 + radius / angle.cos()]);
+    let frames = (1.0 / system.frame_time).round() as usize;
+    let mut ends = Vec::new();
+    for scene in [system.scene("terrain").expect("its own"), plane] {
+        ends.push(end(&mut implicit(8), within(&system, &scene, &start), 0.0, frames));
+    }
+    let [slope, plane] = [0, 1].map(|k| vector(&ends[k][..3]));
+    let (way, expected) = ((slope - vector(&start[..3])).norm(), 0.5 * 5.0 / 7.0 * 9.81 * angle.sin());
+    assert!((way / expected - 1.0).abs() < 2e-3, "{way} m down in a second, the law of rolling has {expected}");
+    assert!((slope - plane).norm() < 1e-9, "{:e} m from where the plane has it", (slope - plane).norm());
+}
+
+/// A robot begins somewhere on it, as far above it as above the plane, and as fast.
+#[test]
+fn starts_stand_on_the_ground() {
+    let system = on_rubble("ant");
+    let (robot, scene, mut data) = (&system.robot, system.scene("terrain").expect("its own"), system.data());
+    let (up, mut places) = (Vector3::y(), Vec::new());
+    for k in 0..100 {
+        let drawn = start(&system, Start::Reset, &mut stream(2, k));
+        let mut state = drawn.clone();
+        scene.strew(robot, &mut data, &mut state, &mut stream(3, k));
+        let above = |point: &ContactPoint| {
+            let event = scene.contact(&place(point, &data, &up));
+            (event.distance - point.radius) / event.normal.dot(&up)
+        };
+        let found = robot.contact_points.iter().map(above).fold(f64::INFINITY, f64::min);
+        let speeds = [&drawn, &state].map(|state| root_velocity(robot, state));
+        kinematics(robot, &drawn, &mut data);
+        let low = robot.contact_points.iter().map(|point| foot(point, &data, &up)).fold(f64::INFINITY, f64::min);
+        assert!((found - low).abs() < 1e-12, "start {k}: {found} m above the ground, {low} m were drawn");
+        assert!((speeds[0] - speeds[1]).norm() < 1e-12, "start {k}: its velocity was {:?}, is {:?}", speeds[0], speeds[1]);
+        places.push([state[0], state[2]]);
+    }
+    for k in 0..2 {
+        let [low, high] = places.iter().fold([f64::MAX, f64::MIN], |[a, b], p| [a.min(p[k]), b.max(p[k])]);
+        assert!(high - low > 20.0, "they are within {} m", high - low);
+    }
+}
+
+/// Of a free root's origin.
+fn root_velocity(robot: &Robot, state: &[f64]) -> Vector3<f64> {
+    let (p, w, v) = (vector(&state[..3]), vector(&state[robot.nq()..][..3]), vector(&state[robot.nq() + 3..][..3]));
+    v + w.cross(&p)
+}
+
+#[cfg(feature = "rapier")]
+#[test]
+fn rapier_refuses_terrain() {
+    let system = on_rubble("cube");
+    let mut batch = batch(&system, "terrain", 1);
+    let said = line(Rapier::new(RapierConfig::default()).step(&mut batch, &[]));
+    assert!(said.contains("scene `terrain`: rapier does not know terrain; take `articulated`"), "{said}");
+}
