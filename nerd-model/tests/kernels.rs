@@ -16,8 +16,9 @@ use nerd_model::form::{Form, View};
 use nerd_model::prelude::*;
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
 use nerd_model::transformer::{Architecture, ForwardError, Positions, Stream, TransformerConfig, Weights};
-use nerd_sim::articulated::device::{Reach, Real, record};
+use nerd_sim::articulated::device::{Reach, Real, records};
 use nerd_sim::dataset::{GenerateConfig, begin};
+use nerd_sim::scene::{TerrainKind, TerrainSpec};
 
 /// A network whose predictions are given, and which notes its tokens.
 struct Given {
@@ -45,10 +46,9 @@ fn frame(
     (rows, inputs): (usize, usize),
 ) -> (Vec<f32>, Vec<f64>) {
     let (n, reach) = (batch.len(), Reach::of(batch));
-    let scenes: Vec<f64> =
-        batch.scenes.iter().flat_map(|s| record(s, &batch.system, &settings(), reach).expect("it has kernels")).collect();
+    let (scenes, of) = records(batch, &settings(), reach).expect("they have kernels");
     let [states, torques, scenes] = [&*batch.states, torques, &scenes].map(|numbers| bytes(numbers, f64::to_le_bytes));
-    let [scene_of, held] = [Vec::from_iter(0..n as i32), vec![1]].map(|numbers| bytes(&numbers, i32::to_le_bytes));
+    let [scene_of, held] = [of, vec![1]].map(|numbers| bytes(&numbers, i32::to_le_bytes));
     let [tokens, faults, done, taken, memo] = [4 * rows * padded(inputs), 4 * n, 4 * n, 4 * n, 2 * states.len()].map(|size| vec![0; size]);
     let predictions = bytes(predictions, f32::to_le_bytes);
     let buffers = [states, torques, scenes, scene_of, tokens, faults, done, held, predictions, taken, memo];
@@ -78,11 +78,16 @@ fn kernels_tell_and_apply_as_the_solver_does() {
         ("cube", "ground", Base::Trapezoid),
         ("ant", "ground", Base::State),
         ("ant", "free", Base::Trapezoid),
+        ("ant", "terrain", Base::Trapezoid),
         ("anymal", "ground", Base::Trapezoid),
     ];
     let each = |(robot, scene, base)| [View::Own, View::Moving].map(|view| (robot, scene, Form { base, view, told: false }));
     for (robot, scene, form) in table.into_iter().flat_map(each) {
-        let (system, n) = (System::named(robot).expect("built in"), 40);
+        let (mut system, n) = (System::named(robot).expect("built in"), 40);
+        if scene == "terrain" {
+            let rubble = TerrainSpec { kind: TerrainKind::Rubble, height: 0.1, cell: 0.2, length: 1.0, seed: 4 };
+            system = Arc::new((*system).clone().with_terrain(rubble).expect("in range"));
+        }
         // Most touch something.
         let batch = fallen(&system, scene, n, (Start::Sample, 5), 25);
         let torques: Vec<f64> = (0..n * system.robot.joint_count()).map(|k| 3.0 * (k as f64 * 0.7).sin()).collect();
@@ -98,7 +103,7 @@ fn kernels_tell_and_apply_as_the_solver_does() {
         Neural::new(model.clone(), Box::new(given)).step(&mut own, &torques).expect("finite");
         for (real, most) in [(Real::F64, [1e-6, 1e-9]), (Real::F32, [1e-4, 2e-4])] {
             let name = format!("{robot}-{scene}-{real:?}");
-            let text = program(model.config.form(), &model.normalizer, &system, real, Reach::of(&batch).colliders);
+            let text = program(model.config.form(), &model.normalizer, &system, real, Reach::of(&batch));
             let shape = (n, model.config.network.inputs);
             let (tokens, states) = frame(&compiler, (&text, launches), &batch, &torques, &predictions, shape);
             let (tokens, states) = (apart(&tokens, &noted.lock().expect("done")), apart(&states, &own.states));

@@ -35,7 +35,7 @@ fn kernels_go_back_through_a_frame_as_the_cpu_does() {
         let loaded = Loaded::new(network.program(), &model.weights.flat);
         let batch = fallen(&system, scene, N, (Start::Reset, 7), 20);
         let (torques, by_next) = (some(N * joints, 1.0), some(N * ROWS * 2 * system.robot.nv(), 1.0));
-        let text = slope_program(model.config.form(), &model.normalizer, &system, batch.scenes[0].colliders.len());
+        let text = slope_program(model.config.form(), &model.normalizer, &system, Reach::of(&batch));
         let launches = format!("const int N = {N}, ROWS = {ROWS};\n{LAUNCHES}");
         let numbers = record(&batch.scenes[0], &system, &settings(), Reach::of(&batch)).expect("a scene with kernels");
         let mut buffers = [&batch.states, &torques, &numbers].map(|numbers| bytes(numbers, f64::to_le_bytes)).to_vec();

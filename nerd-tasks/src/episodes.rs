@@ -245,7 +245,7 @@ impl Episodes {
         batch.frames.copy_from_slice(&snapshot.frames);
         self.goals.copy_from_slice(&snapshot.goals);
         self.begun.copy_from_slice(&snapshot.begun);
-        (0..self.begun.len()).for_each(|env| self.lay(env));
+        (0..self.begun.len()).for_each(|env| self.lay(env, true));
         self.past.read(snapshot, self.torques.len() / self.begun.len().max(1));
         (0..self.begun.len()).for_each(|env| self.simulation.solver.reset(env));
         self.past.replay(&mut self.simulation)?;
@@ -302,18 +302,18 @@ impl Episodes {
         let level = self.task.levels().filter(|_| climbs).map(|(at, _)| (at, goal[at]));
         self.task.draw_goal(&mut rng, goal);
         level.into_iter().for_each(|(at, level)| goal[at] = level);
-        self.lay(env);
+        self.lay(env, false);
         let Simulation { batch, .. } = &self.simulation;
         let mut state = self.task.reset(&batch.system, &mut rng);
         batch.scenes[env].strew(&batch.system.robot, &mut self.works[env / CHUNK].data, &mut state, &mut rng);
         self.simulation.reset(env, &state);
     }
 
-    /// The ground of an environment's level.
-    fn lay(&mut self, env: usize) {
+    /// The ground of an environment's level, anew also where it is there: a device may have gone on with it.
+    fn lay(&mut self, env: usize, anew: bool) {
         let Some((at, _)) = self.task.levels() else { return };
         let (level, scene) = (self.goals[env * self.task.goal_dim() + at], &mut self.simulation.batch.scenes[env]);
-        if scene.terrain().is_some_and(|(_, field)| field.scale() != level) {
+        if scene.terrain().is_some_and(|(_, field)| anew || field.scale() != level) {
             *scene = Arc::new(scene.scaled(level));
         }
     }

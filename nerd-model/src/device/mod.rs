@@ -32,25 +32,31 @@ pub fn settings() -> ArticulatedConfig {
     ArticulatedConfig::implicit(1, Friction::Coulomb)
 }
 
-/// The text for models of `system` of a form and with a normaliser, for scenes of at most so many colliders.
-pub fn program(form: Form, normalizer: &Normalizer, system: &Arc<System>, real: Real, colliders: usize) -> String {
-    token_functions(form, normalizer, system, real, colliders) + include_str!("tokens_frame.cuh")
+/// The text for models of `system` of a form and with a normaliser, for scenes of this reach.
+pub fn program(form: Form, normalizer: &Normalizer, system: &Arc<System>, real: Real, reach: Reach) -> String {
+    token_functions(form, normalizer, system, real, reach) + include_str!("tokens_frame.cuh")
 }
 
 /// In 64 bits, a frame and its way back as the kernels `slopes_look`, `slopes_said` and `slopes_back`, with the network between them.
-pub fn slope_program(form: Form, normalizer: &Normalizer, system: &Arc<System>, colliders: usize) -> String {
-    slope_functions(form, normalizer, system, colliders) + include_str!("slopes_frame.cuh")
+pub fn slope_program(form: Form, normalizer: &Normalizer, system: &Arc<System>, reach: Reach) -> String {
+    slope_functions(form, normalizer, system, reach) + include_str!("slopes_frame.cuh")
 }
 
 /// The same without its kernels: `tell`, `advance`, `said_back` and `frame_back`, for other kernels.
-pub fn slope_functions(form: Form, normalizer: &Normalizer, system: &Arc<System>, colliders: usize) -> String {
-    token_functions(form, normalizer, system, Real::F64, colliders) + include_str!("tokens_back.cuh")
+pub fn slope_functions(form: Form, normalizer: &Normalizer, system: &Arc<System>, reach: Reach) -> String {
+    token_functions(form, normalizer, system, Real::F64, reach) + include_str!("tokens_back.cuh")
 }
 
 /// What surrounds the network without its kernels: `tell` and `apply`, for other kernels.
-pub fn token_functions(form: Form, normalizer: &Normalizer, system: &Arc<System>, real: Real, colliders: usize) -> String {
+pub fn token_functions(
+    form: Form,
+    normalizer: &Normalizer,
+    system: &Arc<System>,
+    real: Real,
+    Reach { colliders, fields, .. }: Reach,
+) -> String {
     let robot = &system.robot;
-    let mut text = functions(system, &settings(), real, Reach { colliders, ..Reach::default() });
+    let mut text = functions(system, &settings(), real, Reach { colliders, fields, ..Reach::default() });
     let (inputs, moving) = (Features::inputs(system, form), form.view == View::Moving);
     text.define([("INPUTS", inputs), ("LDX", padded(inputs)), ("LANES", LANES)]);
     text.define([("SITUATED", Features::situated(robot)), ("MOVING", moving)].map(|(name, on)| (name, i32::from(on))));

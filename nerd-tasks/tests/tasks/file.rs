@@ -74,6 +74,10 @@ fn what_is_wrong_with_a_file_is_said_with_its_place() {
         (("ahead = ", "mass = "), "command.mass: there is a word `mass`; choose another name"),
         (("frames = 4", "frames = 0"), "its `about` has frames: 0; at least 1 is needed"),
         (("frames = 4", "frame = 4"), "unknown field `frame`"),
+        (("frames = 4", "levels = 4\nframes = 4"), "levels: an episode that succeeds by `miss` goes on to higher [terrain]"),
+        (("[let]", "[terrain]\nkind = \"mud\"\nheight = 1.0\n[let]"), "unknown variant `mud`, expected one of `rubble`"),
+        (("[let]", "[terrain]\nkind = \"waves\"\nheight = -1.0\n[let]"), "terrain: `height` is -1 m; a number from 0 to 10 is needed"),
+        (("\"up\"", "\"scan(q, [0])\""), "observation.1, column 6: known numbers are needed"),
         (("\"U(-1, 1)\"       #", "1 #"), "a range \"U(low, high)\" is needed, or a list of them"),
     ];
     let mut wrong = Vec::new();
@@ -88,6 +92,34 @@ fn what_is_wrong_with_a_file_is_said_with_its_place() {
     assert!(said("walk").contains("name one with --robot"), "{}", said("walk"));
     assert!(said("walk@cartpole").contains("the base of `cartpole` is fixed"), "{}", said("walk@cartpole"));
     assert!(said("no/such.toml").contains("no/such.toml"), "{}", said("no/such.toml"));
+}
+
+/// A scan goes by where the robot heads, however it leans; on flat ground it is flat.
+#[test]
+fn a_scan_looks_ahead() {
+    let text = |terrain: &str| {
+        format!(
+            "steps = 1\nscene = \"plane\"\nobservation = [\"scan([0.3, -0.2], [0, 0.1])\", \"ground\", \"height\"]\nreward = \"1\"\n{terrain}"
+        )
+    };
+    let rough = text("[terrain]\nkind = \"rubble\"\nheight = 0.2").replace("scene = \"plane\"\n", "");
+    for (text, flat) in [(rough, false), (text(""), true)] {
+        let task = FileTask::new("scan", &text, Some("cube")).expect("a task");
+        let system = Task::system(&task).expect("the cube");
+        let (scene, mut seen) = (system.scene(Task::scene(&task)).expect("its scene"), vec![0.0; task.observation_dim()]);
+        let mut state = system.default_state();
+        state[..3].copy_from_slice(&[1.3, -0.7, 0.9]);
+        // A quarter to the left, then nose down and a roll about the nose.
+        let turn = |axis: Vector3<f64>, angle: f64| UnitQuaternion::new(axis * angle);
+        let pose = turn(Vector3::z(), std::f64::consts::FRAC_PI_2) * turn(Vector3::y(), 0.4) * turn(Vector3::x(), 0.3);
+        state[3..7].copy_from_slice(pose.coords.as_slice());
+        task.observe(View { state: &state, goal: &[], scene: &scene }, &mut Work::new(&system), &mut seen);
+        let below = |x: f64, y: f64| scene.terrain().map_or(0.0, |(_, field)| field.at(x, y).0);
+        let ground = below(1.3, -0.7);
+        let expected = [below(1.3, -0.4), below(1.2, -0.4), below(1.3, -0.9), below(1.2, -0.9), ground, 0.9 - ground];
+        let off = seen.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(off < 1e-12 && (ground == 0.0) == flat, "{seen:?}, by hand {expected:?}");
+    }
 }
 
 /// Mutants of a file: letters that were changed, left out, doubled; each is read or refused.

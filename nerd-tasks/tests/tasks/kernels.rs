@@ -139,6 +139,7 @@ fn is_the_same(compiler: &Compiler, name: &str, system: &Arc<System>) -> bool {
     let before: Vec<f64> = (0..N * 2 * task.observation_dim()).map(|k| (k as f64 * 0.31).sin()).collect();
     let made = run(compiler, &(text + include_str!("given.cuh") + include_str!("alone.cuh")), &episodes, &actions, &before);
     episodes.trace();
+    let begun = episodes.snapshot();
     let StepResult { rewards, terminated, truncated, reached, failed, .. } = episodes.step(&actions).expect("it can be stepped");
     let (after, trace) = (episodes.snapshot(), episodes.trace());
     let numbers = |x: &[f64]| x.iter().filter(|x| !x.is_nan()).copied().collect::<Vec<f64>>();
@@ -173,6 +174,15 @@ fn is_the_same(compiler: &Compiler, name: &str, system: &Arc<System>) -> bool {
         ("goals", apart(&made.goals, &after.goals)),
         ("states that were reached", apart(&numbers(&made.reached), &numbers(&trace.reached))),
     ];
+    if let Some((at, levels)) = task.levels() {
+        let level = |goals: &[f64], env: usize| (goals[env * task.goal_dim() + at] * levels as f64).round();
+        for env in 0..N {
+            let [was, is] = [&begun.goals, &after.goals].map(|goals| level(goals, env));
+            let up = if ends[env] == 1 { -1.0 } else { f64::from(u8::from(ends[env] == 2 && env % 2 == 0)) };
+            assert_eq!(is, (was + up).clamp(1.0, levels as f64), "{name}: environment {env}, ended by {}", ends[env]);
+        }
+        assert!(LATE.iter().all(|env| ends[*env] == 2), "{name}: {ends:?}");
+    }
     println!("{name}: {off:.1?}");
     assert!(off.iter().all(|(_, x)| *x < 1e-11), "{name}: {off:?}");
     true

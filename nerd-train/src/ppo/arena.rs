@@ -175,7 +175,7 @@ impl Arena {
         let n = envs.len();
         let system = match self {
             Self::Judge(Setting::Paper) => System::named(&format!("{}-paper", task.robot()))?,
-            Self::Family(_, family, _) => family.clone(),
+            Self::Family(_, family, _) => on_ground(family, &*task)?,
             _ => task.system()?,
         };
         if n == 0 {
@@ -212,4 +212,11 @@ impl Arena {
         episodes.remember(memory);
         Ok(episodes)
     }
+}
+
+/// A family's robots with the terrain of a task, if it has some.
+fn on_ground(family: &Arc<System>, task: &dyn Task) -> Result<Arc<System>> {
+    let own = task.system()?;
+    let terrain = own.spec.scenes.iter().find(|scene| scene.name == task.scene()).and_then(|scene| scene.terrain);
+    Ok(terrain.map_or(Ok(family.clone()), |terrain| (**family).clone().with_terrain(terrain).map(Arc::new))?)
 }

@@ -43,7 +43,7 @@ pub struct State {
     pub running: Running,
     /// Return and length of the last episodes that ended, of as many iterations as it takes.
     pub recent: VecDeque<(f64, f64)>,
-    /// The policy that acted when the mean return of the last episodes was at its largest so far, and that mean.
+    /// The policy that acted when the mean return of the last episodes was at its largest so far, and that mean; with levels the last one.
     pub best: Option<(f64, Policy)>,
 }
 
@@ -112,8 +112,9 @@ impl Trainer {
         };
         let (reward, length) = (mean(|e| e.0), mean(|e| e.1));
         // Episodes last longer than an iteration, so policies before this one have a part in the mean. What is kept is the one
-        // that acted last in it, not the one that this update makes.
-        if let Some(reward) = reward.filter(|r| state.recent.len() == most && state.best.as_ref().is_none_or(|b| *r > b.0)) {
+        // that acted last in it, not the one that this update makes. Where levels rise, earlier returns were had on easier ground.
+        let better = |reward: f64| episodes.climbs() || state.best.as_ref().is_none_or(|best| reward > best.0);
+        if let Some(reward) = reward.filter(|reward| state.recent.len() == most && better(*reward)) {
             state.best = Some((reward, state.policy.clone()));
         }
         let updated = engine.update(&mut state.policy, &mut state.adam, config, orders)?;

@@ -37,7 +37,7 @@ pub enum PolicyVerb {
 #[derive(clap::Args, Clone, Debug)]
 pub struct TrainArgs {
     /// Task: cartpole-swingup, ant-run, ant-spin, ant-spin-track, franka-reach, franka-reach-torque, anymal-forward, anymal-side, lead-tip,
-    /// ant-point; with --robot walk, stand or reach; or the path of a task's file (docs/tasks.md)
+    /// ant-point; with --robot walk, rough, stand or reach; or the path of a task's file (docs/tasks.md)
     pub task: String,
     /// Robot of a task from a file: built in, or the path of a .urdf or MJCF (.xml)
     #[arg(long)]

@@ -81,6 +81,9 @@ impl Motion for Frames {
         let (weights, envs) = (&self.model.weights, batch.len());
         let solver = |e: LearnError| StepError::Solver(e.to_string());
         let engine = match &self.chain {
+            Some(_) if reach.fields => {
+                return Err(StepError::Refused("a cable's model does not know terrain on a device; step it on the CPU".into()));
+            }
             Some((chain, scale)) => {
                 let plan = Plan::of(&weights.config, chain.rods).map_err(solver)?;
                 let (mut network, weights) = Network::with_weights(plan, &weights.flat, envs, self.precision, false).map_err(solver)?;
@@ -90,7 +93,7 @@ impl Motion for Frames {
                 Engine::Chain(network, weights, rods)
             }
             None => {
-                let text = program(self.model.config.form(), &self.model.normalizer, &batch.system, self.real, reach.colliders);
+                let text = program(self.model.config.form(), &self.model.normalizer, &batch.system, self.real, reach);
                 let mut stream = CudaStream::new(weights, self.precision, envs).map_err(solver)?;
                 stream.network.device.add(&text, &["neural_tell", "neural_apply"]).map_err(failed)?;
                 Engine::Stream(stream)

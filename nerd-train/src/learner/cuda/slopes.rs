@@ -33,7 +33,7 @@ impl FramesBack {
         let solver = |e: LearnError| StepError::Solver(e.to_string());
         let plan = Plan::of(&config, 1).map_err(solver)?;
         let (mut network, weights) = Network::with_weights(plan, &model.weights.flat, n * frames, Precision::F32, true).map_err(solver)?;
-        let text = slope_program(model.config.form(), &model.normalizer, system, Reach::of(batch).colliders);
+        let text = slope_program(model.config.form(), &model.normalizer, system, Reach::of(batch));
         network.device.add(&text, &["slopes_look", "slopes_said", "slopes_back"]).map_err(failed)?;
         let by_tokens = network.device.zeros(n * config.inputs).map_err(failed)?;
         Ok(Self { network, weights, by_tokens, frames, state: system.robot.state_dim() })

@@ -4,6 +4,7 @@ use nerd_core::state::wrap_state;
 use nerd_core::tangent::{difference, difference_back};
 use nerd_model::around::Around;
 use nerd_model::device::{settings, slope_functions};
+use nerd_sim::articulated::device::Reach;
 
 use super::*;
 
@@ -172,7 +173,7 @@ impl Body for Robot {
     }
 
     fn program(&self, system: &Arc<System>, rollouts: usize, colliders: usize) -> String {
-        let text = slope_functions(self.around.form, &self.around.normalizer, system, colliders);
+        let text = slope_functions(self.around.form, &self.around.normalizer, system, Reach { colliders, ..Reach::default() });
         let text = text + &format!("#define SHARE {SHARE:e}\n#define ROLLOUTS {rollouts}\n");
         let own = [include_str!("../shared.cuh"), include_str!("robot.cuh"), include_str!("robot_frame.cuh")];
         text + &table("UNIT", &self.units) + &table("COUNTS", &self.weights) + &own.concat()
