@@ -18,8 +18,10 @@ BIG double ground(const Seen& s, double ahead, double aside) {
 #if FIELDS
     const double* f = terrain(s.scene);
     const double x[3] = {1, 0, 0};
-    double along[3], at[3] = {0, 0, 0}, a = 0, b = 0, up = 0, slope[2];
-    rotate(s.state + 3, x, 1, along);
+    double turn[4], along[3], at[3] = {0, 0, 0}, a = 0, b = 0, up = 0, size = 0, slope[2];
+    for (int k = 3; k < 7; k++) size += s.state[k] * s.state[k];
+    for (int k = 0; k < 4; k++) turn[k] = s.state[3 + k] / sqrt(size);
+    rotate(turn, x, 1, along);
     for (int i = 0; i < 3; i++) {
         for (int k = 0; k < 2; k++) at[k] += f[1 + 3 * i + k] * (s.state[i] - f[10 + i]);
         a += f[1 + 3 * i] * along[i];
