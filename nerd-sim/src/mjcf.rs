@@ -2,9 +2,11 @@
 //!
 //! A link's frame is its joint's frame, so bodies nest with the joints' origins and every joint sits at its body's origin.
 //! Limits are our spring and damper (see `limit`); contacts are MuJoCo's own, soft constraints with its default
-//! settings, with the friction of the pair. What it would need a mesh for is refused.
+//! settings, with the friction of the pair, or ours as far as MuJoCo's may be. What it would need a mesh for is refused.
 
 pub use crate::system::mjcf::is_mjcf;
+
+use nerd_core::{dynamics::Axes, robot::FixedFrame};
 
 use crate::internal::*;
 use crate::system::mjcf::{escape, numbers};
@@ -38,12 +40,27 @@ const ROBOT: &str = r#"contype="0" conaffinity="1""#;
 /// # Errors
 /// If the scene is more than planes, boxes and cylinders, or the robot's mass matrix is none.
 pub fn mjcf(system: &System, scene: &Scene, drives: &[Drive]) -> Result<String, MjcfError> {
+    // A standing robot must not creep: by default MuJoCo's friction is as soft as its contacts.
+    let hold = if drives.is_empty() { "" } else { " impratio=\"100\"" };
+    written(system, scene, drives, hold, None)
+}
+
+/// The same without drives, and with contacts of the stiffness, damping and drag that ours have in this scene, all of whose colliders are of
+/// one material.
+///
+/// # Errors
+/// As [`mjcf`].
+pub fn mjcf_of_our_contact(system: &System, scene: &Scene) -> Result<String, MjcfError> {
+    let material = scene.colliders.first().map(|collider| collider.material.mean(&system.spec.material));
+    let hold = material.map_or_else(String::new, |m| format!(" impratio=\"{}\"", m.friction_damping / m.damping));
+    written(system, scene, &[], &hold, material)
+}
+
+fn written(system: &System, scene: &Scene, drives: &[Drive], hold: &str, material: Option<Material>) -> Result<String, MjcfError> {
     let robot = &system.robot;
     if let Some(joint) = robot.follower() {
         return Err(MjcfError(format!("joint `{}` follows another (<mimic>), which MuJoCo's constraints hold only about", joint.name)));
     }
-    // A standing robot must not creep: by default MuJoCo's friction is as soft as its contacts.
-    let hold = if drives.is_empty() { "" } else { " impratio=\"100\"" };
     let mut text = format!(
         "<mujoco model=\"{}\">\n<compiler angle=\"radian\" inertiafromgeom=\"false\"/>\n<option gravity=\"{}\" cone=\"elliptic\"{hold}/>\n<worldbody>\n",
         escape(&system.name),
@@ -55,12 +72,15 @@ pub fn mjcf(system: &System, scene: &Scene, drives: &[Drive]) -> Result<String, 
         })?;
         // MuJoCo takes the larger friction of a pair: the scene's geom has the pair's mean, the robot's have none.
         let friction = collider.material.mean(&system.spec.material).friction;
-        text += &format!("<geom type=\"{kind}\" size=\"{size}\" {} friction=\"{friction}\" {SCENE}/>\n", pose(&place));
+        // What the robot's geoms say of a contact's softness is said of both.
+        let mix = if material.is_some() { " solmix=\"1e-9\"" } else { "" };
+        text += &format!("<geom type=\"{kind}\" size=\"{size}\" {} friction=\"{friction}\"{mix} {SCENE}/>\n", pose(&place));
     }
     let weight = weights(robot)?;
+    let soft = material.map_or_else(|| Ok(vec![String::new(); robot.links.len()]), |m| softness(robot, &m))?;
     for (i, link) in robot.links.iter().enumerate().filter(|(_, l)| l.parent.is_none()) {
         let base = if let (Base::Fixed(pose), Some(_)) = (robot.base, &link.joint) { pose } else { Isometry3::identity() };
-        body(&mut text, robot, scene, &weight, i, &base, &[]);
+        body(&mut text, robot, scene, (&weight, &soft), i, &base, &[]);
     }
     text += "</worldbody>\n<actuator>\n";
     robot.joints().zip(drives).for_each(|(joint, drive)| text += &actuator(joint, drive));
@@ -95,7 +115,7 @@ fn body(
     text: &mut String,
     robot: &Robot,
     scene: &Scene,
-    weight: &[f64],
+    (weight, soft): (&[f64], &[String]),
     i: usize,
     base: &Isometry3<f64>,
     before: &[(usize, Isometry3<f64>)],
@@ -106,7 +126,7 @@ fn body(
     let nothing = link.inertia.mass == 0.0 && link.inertia.inertia.amax() == 0.0 && !robot.contact_points.iter().any(|p| p.link == i);
     if let (true, Some(_), Some(child), None) = (nothing, &link.joint, children.next(), children.next()) {
         let before: Vec<_> = before.iter().copied().chain([(i, origin)]).collect();
-        return body(text, robot, scene, weight, child, &origin, &before);
+        return body(text, robot, scene, (weight, soft), child, &origin, &before);
     }
     // MuJoCo's own name of what nothing moves, and many a URDF's name of its root.
     let name = if link.name == "world" { "world link" } else { &link.name };
@@ -125,15 +145,16 @@ fn body(
                 ShapeKind::Cylinder { radius, half_length } => ("cylinder", numbers(&[radius, half_length])),
                 _ => continue,
             };
-            *text += &format!("<geom type=\"{kind}\" size=\"{size}\" {} mass=\"0\" friction=\"0\" {ROBOT}/>\n", pose(&shape.pose));
+            *text +=
+                &format!("<geom type=\"{kind}\" size=\"{size}\" {} mass=\"0\" friction=\"0\"{} {ROBOT}/>\n", pose(&shape.pose), soft[i]);
         }
         for (at, radius) in points.iter().flat_map(|p| p.places().into_iter().map(|at| (at, p.radius.max(LEAST)))) {
             let place = numbers(at.as_slice());
-            *text += &format!("<geom type=\"sphere\" size=\"{radius}\" pos=\"{place}\" mass=\"0\" friction=\"0\" {ROBOT}/>\n");
+            *text += &format!("<geom type=\"sphere\" size=\"{radius}\" pos=\"{place}\" mass=\"0\" friction=\"0\"{} {ROBOT}/>\n", soft[i]);
         }
     }
     for child in (i + 1..robot.links.len()).filter(|c| robot.links[*c].parent == Some(i)) {
-        body(text, robot, scene, weight, child, &Isometry3::identity(), &[]);
+        body(text, robot, scene, (weight, soft), child, &Isometry3::identity(), &[]);
     }
     *text += "</body>\n";
 }
@@ -176,14 +197,17 @@ fn limit(limit: &Limit, weight: f64) -> String {
     format!("limited=\"true\" range=\"{range}\" solreflimit=\"-{k} -{d}\" solimplimit=\"{WEAKEST} {WEAKEST} 1 0.5 1\"")
 }
 
-/// `(M^-1)_ii` of each joint at zero coordinates: the inertia by which MuJoCo scales a joint's constraints.
-fn weights(robot: &Robot) -> Result<Vec<f64>, MjcfError> {
+/// The mass matrix at zero coordinates.
+fn factored(robot: &Robot) -> Result<Factor, MjcfError> {
     let (mut data, mut factor) = (Data::new(robot), Factor::new(robot));
     kinematics(robot, &robot.zero_state()[..robot.nq()], &mut data);
     crba(robot, &mut data);
-    if !factor.refill(&data.mass) {
-        return Err(MjcfError(factor.fault(robot)));
-    }
+    if factor.refill(&data.mass) { Ok(factor) } else { Err(MjcfError(factor.fault(robot))) }
+}
+
+/// `(M^-1)_ii` of each joint at zero coordinates: the inertia by which MuJoCo scales a joint's constraints.
+fn weights(robot: &Robot) -> Result<Vec<f64>, MjcfError> {
+    let factor = factored(robot)?;
     let column = |i: usize| {
         let mut x = vec![0.0; robot.nv()];
         x[i] = 1.0;
@@ -191,6 +215,27 @@ fn weights(robot: &Robot) -> Result<Vec<f64>, MjcfError> {
         x[i]
     };
     Ok((robot.root_dofs()..robot.nv()).map(column).collect())
+}
+
+/// By link, the settings of its geoms by which a contact is a spring and a damper as ours, in the way of [`limit`]: MuJoCo's inertia of a contact
+/// is that of the link's centre of mass at zero coordinates, the mean over directions.
+fn softness(robot: &Robot, material: &Material) -> Result<Vec<String>, MjcfError> {
+    let (mut data, state) = (Data::new(robot), robot.zero_state());
+    let factor = factored(robot)?;
+    let of = |(link, own): (usize, &Link)| {
+        let pose = Isometry3::from_parts(own.inertia.com.into(), UnitQuaternion::identity());
+        let frame = FixedFrame { name: String::new(), link: Some(link), pose };
+        let rows = data.jacobian(robot, &state[..robot.nq()], &frame, Axes::World).fixed_rows::<3>(3).transpose();
+        let weight = rows.column_iter().map(|row| {
+            let mut x: Vec<f64> = row.iter().copied().collect();
+            factor.solve(&mut x);
+            x.iter().zip(row.iter()).map(|(a, b)| a * b).sum::<f64>() / 3.0
+        });
+        let weight: f64 = weight.sum();
+        let (k, d) = (material.stiffness * weight, material.damping * weight);
+        format!(" solref=\"-{k} -{d}\" solimp=\"{WEAKEST} {WEAKEST} 1 0.5 1\"")
+    };
+    Ok(robot.links.iter().enumerate().map(of).collect())
 }
 
 fn inertial(link: &Link) -> String {

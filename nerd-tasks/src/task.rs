@@ -144,6 +144,11 @@ pub trait Task: Send + Sync {
         None
     }
 
+    /// What a miss of 1 is, and its unit.
+    fn allowed(&self) -> (f64, &str) {
+        (1.0, "")
+    }
+
     /// Whether being here ends the episode.
     fn terminated(&self, _view: View, _work: &mut Work) -> bool {
         false

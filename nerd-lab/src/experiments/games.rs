@@ -18,6 +18,9 @@ pub struct Reward {
     /// Share of games that succeeded ([`Game::miss`]); none of a task that does not speak of success.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub success: Option<f64>,
+    /// Mean of their misses.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub miss: Option<f64>,
 }
 
 impl Reward {
@@ -27,7 +30,8 @@ impl Reward {
         let spread = (games.iter().map(|g| (g.reward - mean).powi(2)).sum::<f64>() / n).sqrt();
         let succeeded = games.iter().filter(|g| g.miss.is_some_and(|miss| miss <= 1.0)).count();
         let success = games.iter().any(|g| g.miss.is_some()).then_some(succeeded as f64 / n);
-        Self { mean, spread, standard_error: spread / n.sqrt(), length: games.iter().map(|g| g.length).sum::<f64>() / n, success }
+        let miss = success.map(|_| games.iter().filter_map(|g| g.miss).sum::<f64>() / n).filter(|miss| miss.is_finite());
+        Self { mean, spread, standard_error: spread / n.sqrt(), length: games.iter().map(|g| g.length).sum::<f64>() / n, success, miss }
     }
 }
 

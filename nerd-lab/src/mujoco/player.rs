@@ -88,7 +88,7 @@ pub fn play(python: &Path, onnx: &Path, contract: &Contract, policy: &Policy, mu
     let (batch, n) = (&episodes.simulation.batch, episodes.len());
     let (robot, joints) = (batch.system.robot.clone(), batch.system.robot.joint_count());
     let starts: Vec<_> = (0..n).map(|env| to_mujoco(&robot, batch.state(env))).collect();
-    let mjcf = nerd_sim::mjcf::mjcf(&batch.system, &batch.scenes[0], &[])?;
+    let mjcf = nerd_sim::mjcf::mjcf_of_our_contact(&batch.system, &batch.scenes[0])?;
     let mut python = Python::start(python, PLAYER)?;
     let first = json!({ "onnx": onnx, "contract": contract, "mjcf": mjcf, "substeps": SUBSTEPS, "starts": starts });
     let mut played = Played { versions: python.ask(&first)?, ..Played::default() };

@@ -217,11 +217,11 @@ impl System {
         self.joint_specs().map(|j| j.torque).collect()
     }
 
-    /// The same with a rotor at each joint that has none, if its file knows what it can do: the guess for a joint that nothing else resists.
+    /// The same with a rotor at each joint that has none, by what its motor can do: the guess for a joint that nothing else resists.
     /// No URDF has rotors, and light links without them ask for short steps.
     pub fn with_rotors(mut self) -> Self {
         for (joint, spec) in self.robot.joints_mut().zip(&mut self.spec.joints).filter(|(joint, _)| joint.armature == 0.0) {
-            spec.armature = rotor(joint);
+            spec.armature = rotor(joint, spec.gain);
             joint.armature = spec.armature;
         }
         self

@@ -44,8 +44,34 @@ pub(super) struct Keys {
     pub reward: Terms,
     pub over: Option<String>,
     pub miss: Option<String>,
+    /// What may be missed, and its unit [default: 1].
+    #[serde(default)]
+    pub allowed: Allowed,
     #[serde(default)]
     pub residuals: Vec<String>,
+}
+
+/// A number and its unit, as in "0.1 m/s".
+#[derive(Clone, Debug, Deserialize)]
+#[serde(try_from = "String")]
+pub(super) struct Allowed(pub f64, pub String);
+
+impl Default for Allowed {
+    fn default() -> Self {
+        Self(1.0, String::new())
+    }
+}
+
+impl TryFrom<String> for Allowed {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        let (number, unit) = text.split_once(' ').unwrap_or((&text, ""));
+        let number = number.parse::<f64>().ok().filter(|x| *x > 0.0 && x.is_finite());
+        let number =
+            number.ok_or_else(|| format!("allowed is \"{text}\": a number above 0 is needed and its unit, such as \"0.1 m/s\""))?;
+        Ok(Self(number, unit.trim().into()))
+    }
 }
 
 fn one() -> u64 {

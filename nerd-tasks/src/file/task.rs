@@ -9,7 +9,7 @@ use nerd_sim::range::within;
 use nerd_sim::system::{SystemError, TERRAIN};
 
 use super::expression::{Part, Reader};
-use super::keys::{Keys, Terms};
+use super::keys::{Allowed, Keys, Terms};
 use super::{program::Program, words::Facts};
 use crate::formula::{Formulas, Number, Sight, Tape, Traced};
 use crate::{About, TaskError};
@@ -21,6 +21,7 @@ pub struct FileTask {
     text: String,
     goal: Vec<[f64; 2]>,
     place: bool,
+    allowed: Allowed,
     /// Observation, torques, reward, end, miss and residuals.
     observe: Program,
     act: Program,
@@ -68,6 +69,7 @@ impl FileTask {
         let (goal, commands, place) = commands(&keys);
         let levels = keys.levels.map(|levels| (goal.len() - 2, levels));
         names(&facts, &keys, &commands).map_err(wrong)?;
+        let share = Traced::from(keys.allowed.0.recip());
         let read = |part: Part, key: &str, all: &[(String, String)], summed: bool| {
             let tape = Tape::default();
             let reader = Reader::new(&tape, &facts, part, &keys.lets, &commands, actions, goal.len());
@@ -80,6 +82,9 @@ impl FileTask {
                 } else {
                     out.extend(reader.read(&key, text).map_err(wrong)?);
                 }
+            }
+            if key == "miss" && keys.allowed.0 != 1.0 {
+                out.iter_mut().for_each(|miss| *miss = *miss * share);
             }
             Ok::<_, TaskError>(Program::of(&tape, &out))
         };
@@ -114,7 +119,8 @@ impl FileTask {
             frames: keys.frames,
         };
         about.check().map_err(wrong)?;
-        Ok(Self { about, system, text: text.into(), goal, place, observe, act, reward, over, miss, residuals, remembers, levels })
+        let allowed = keys.allowed;
+        Ok(Self { about, system, text: text.into(), goal, place, allowed, observe, act, reward, over, miss, residuals, remembers, levels })
     }
 }
 
@@ -206,6 +212,10 @@ impl Formulas for FileTask {
 
     fn remembers(&self) -> bool {
         self.remembers
+    }
+
+    fn allowed(&self) -> (f64, &str) {
+        (self.allowed.0, &self.allowed.1)
     }
 
     fn observe<N: Number>(&self, sight: &mut impl Sight<N>, out: &mut [N]) {

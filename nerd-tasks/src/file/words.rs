@@ -34,7 +34,7 @@ pub(super) struct Facts {
 }
 
 /// A link stands whose lowest place is within this share of the standing height of the lowest.
-const STANDS: f64 = 0.05;
+const STANDS: f64 = 0.1;
 
 impl Facts {
     pub fn new(system: &Arc<System>, scene: &Scene, step: f64) -> Self {

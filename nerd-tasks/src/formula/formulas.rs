@@ -63,6 +63,11 @@ pub trait Formulas: Send + Sync {
         None
     }
 
+    /// As [`crate::Task::allowed`].
+    fn allowed(&self) -> (f64, &str) {
+        (1.0, "")
+    }
+
     /// Whether being here ends the episode: 1 or 0.
     fn over<N: Number>(&self, _sight: &mut impl Sight<N>) -> N {
         N::from(0.0)

@@ -65,6 +65,10 @@ impl<F: Formulas> Task for F {
         Formulas::miss(self, &mut Direct::new(view, work))
     }
 
+    fn allowed(&self) -> (f64, &str) {
+        Formulas::allowed(self)
+    }
+
     fn terminated(&self, view: View, work: &mut Work) -> bool {
         self.over(&mut Direct::new(view, work)) != 0.0
     }

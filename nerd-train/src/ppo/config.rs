@@ -24,14 +24,19 @@ impl Algorithm {
     }
 }
 
+/// As policies were before there was a choice: their settings stay as they are written.
+fn whole(spread: &f32) -> bool {
+    *spread == 1.0
+}
+
 /// Settings that PPO alone has a use for.
-const OF_PPO: [&str; 8] = ["stack", "spread_by_state", "clip", "value_clip", "critic", "entropy", "bounds", "kl"];
+const OF_PPO: [&str; 9] = ["stack", "spread_by_state", "spread", "clip", "value_clip", "critic", "entropy", "bounds", "kl"];
 
 /// Settings of a run; what a file leaves out is [`PpoConfig::default`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct PpoConfig {
-    /// How it learns; SHAC has no use for `stack`, `spread_by_state`, `clip`, `value_clip`, `critic`, `entropy`, `bounds` and `kl`. Default: ppo.
+    /// How it learns; SHAC has no use for `stack`, `spread_by_state`, `spread`, `clip`, `value_clip`, `critic`, `entropy`, `bounds` and `kl`. Default: ppo.
     #[serde(skip_serializing_if = "Algorithm::usual")]
     pub algorithm: Algorithm,
     /// Environments. Default: 256.
@@ -52,6 +57,9 @@ pub struct PpoConfig {
     pub stack: usize,
     /// Whether the spread of actions is an output of the network; else it is a parameter. Default: false.
     pub spread_by_state: bool,
+    /// First spread of actions. Default: 1.
+    #[serde(skip_serializing_if = "whole")]
+    pub spread: f32,
     /// Discount a step. Default: 0.99.
     pub gamma: f64,
     /// Lambda of the advantage estimation. Default: 0.95.
@@ -90,6 +98,7 @@ impl Default for PpoConfig {
             activation: Activation::Tanh,
             stack: 1,
             spread_by_state: false,
+            spread: 1.0,
             gamma: 0.99,
             lambda: 0.95,
             clip: 0.2,
@@ -197,6 +206,7 @@ impl PpoConfig {
             ("lambda", (self.lambda, 0.0..=1.0)),
             ("rate", (self.rate, 1e-12..=1.0)),
             ("kl", (self.kl, 0.0..=1e3)),
+            ("spread", (self.spread.into(), 1e-3..=1e3)),
             ("gradient_norm", (self.gradient_norm.into(), 1e-9..=1e9)),
             ("clip", (self.clip.into(), 0.0..=1e6)),
             ("value_clip", (self.value_clip.into(), 0.0..=1e6)),

@@ -120,6 +120,14 @@ impl Policy {
         Self { seen: RunningMoments::new(shape.inputs()), returns: RunningMoments::new(1), flat, shape }
     }
 
+    /// The same with another spread of first actions.
+    pub(super) fn spread_out(mut self, spread: f32) -> Self {
+        // The last parameters are the spread's, or the biases of its outputs.
+        let at = self.flat.len() - self.shape.action;
+        self.flat[at..].fill(spread.ln());
+        self
+    }
+
     /// The network with its weights, as they are now.
     pub fn network(&self) -> Loaded {
         Loaded::new(self.shape.program(), &self.flat)

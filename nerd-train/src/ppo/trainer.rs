@@ -82,7 +82,7 @@ impl Trainer {
         }
         episodes.climb()?;
         let shape = Shape::of(&*episodes.task, &config);
-        let mut policy = Policy::new(shape, &mut StreamKey { seed, number: 0 }.rng());
+        let mut policy = Policy::new(shape, &mut StreamKey { seed, number: 0 }.rng()).spread_out(config.spread);
         let engine: Box<dyn Engine> = match config.algorithm {
             Algorithm::Ppo => Box::new(OnCpu::among(ranks, config.environments)),
             Algorithm::Shac => Box::new(Shac::new(&mut episodes, &mut policy, &config, seed, ranks)?),

@@ -1,7 +1,8 @@
 //! Policies in the truth and in the learned simulator, after the paper's protocol: games under mean actions from the same starts in each,
 //! beside the paper's figures.
 
-use nerd_train::{ppo::folder, shipped::from_root};
+use nerd_train::ppo::folder::{self, PolicyConfig};
+use nerd_train::{ppo::Policy, shipped::from_root};
 use rayon::prelude::*;
 
 use super::games::{Compared, depend, games, input_of};
@@ -104,11 +105,29 @@ impl Policies {
         Ok(())
     }
 
-    fn row(&self, path: &Path) -> Result<Row> {
-        let (config, policy) = folder::load(path)?;
+    /// Every policy's row and, of tasks for any robot, that of one whose actions are 0.
+    fn rows(&self, folders: &[PathBuf]) -> Result<Vec<Row>> {
+        let given = folders.iter().map(|path| Ok((folder::load(path)?, from_root(path))));
+        let mut all = given.collect::<Result<Vec<((PolicyConfig, Policy), String)>>>()?;
+        for k in 0..all.len() {
+            let ((config, policy), _) = &all[k];
+            let first = all.iter().position(|((other, _), _)| other.task == config.task) == Some(k);
+            if first && !nerd_tasks::names().contains(&config.task.as_str()) {
+                let (config, flat) = (PolicyConfig { solver: "-".into(), ..config.clone() }, vec![0.0; policy.flat.len()]);
+                all.push(((config, Policy { flat, ..policy.clone() }), "keeps still".into()));
+            }
+        }
+        let bar = bar("policies played", all.len() as u64);
+        let rows = all.into_par_iter().map(|((config, policy), name)| self.row(config, &policy, name).inspect(|_| bar.add(1)));
+        let rows = rows.collect();
+        bar.finish();
+        rows
+    }
+
+    fn row(&self, config: PolicyConfig, policy: &Policy, name: String) -> Result<Row> {
         let task = config.task;
         let (model, truth) = self.host(&task)?;
-        let play = |arena| games(&task, &arena, &policy, self.games, self.seed);
+        let play = |arena| games(&task, &arena, policy, self.games, self.seed);
         let home = self.family.as_ref().map_or(Ok(Arena::Truth(truth)), |family| Arena::family(&task, family, truth, self.device))?;
         let real = play(home.clone())?;
         let length = nerd_tasks::named(&task)?.episode_length() as f64;
@@ -121,7 +140,7 @@ impl Policies {
         let half = if self.fresh.is_empty() { None } else { Compared::of(&real, Some(&play(Arena::Judge(half))?)).gap };
         Ok(Row {
             half,
-            policy: from_root(path),
+            policy: name,
             trained_in: config.solver,
             truth: home.title()?,
             fell: self.family.is_some().then_some(fell),
@@ -152,9 +171,7 @@ impl Experiment for Policies {
 
     fn measure(&self) -> Result<Measured> {
         let folders = if self.fresh.is_empty() { self.folders()? } else { self.train()? };
-        let bar = bar("policies played", folders.len() as u64);
-        let rows = folders.par_iter().map(|path| self.row(path).inspect(|_| bar.add(1))).collect::<Result<Vec<Row>>>()?;
-        bar.finish();
+        let rows = self.rows(&folders)?;
         let mut all = if self.fresh.is_empty() { Vec::new() } else { vec![tables::summary(&rows), tables::gaps(&rows)] };
         all.push(tables::each(&rows));
         Measured::new(&serde_json::json!({ "rows": rows }), all)

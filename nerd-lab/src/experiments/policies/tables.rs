@@ -73,7 +73,23 @@ pub fn each(rows: &[Row]) -> Table {
             .for_each(|(line, row)| line.extend([share(Some(&row.rewards.real)), share(row.rewards.learned.as_ref())]));
         table.note += " Success: games whose task says that they succeeded.";
     }
+    if rows.iter().any(|r| r.rewards.real.miss.is_some()) {
+        table.header.push("miss in truth".into());
+        table
+            .rows
+            .iter_mut()
+            .zip(rows)
+            .for_each(|(line, row)| line.push(or_dash(row.rewards.real.miss.map(|miss| missed(&row.task, miss)))));
+        table.note += " Miss: mean over games of the mean miss over a game's last half.";
+    }
     table
+}
+
+/// A miss in its task's own unit; without one, as a share of what is allowed.
+fn missed(task: &str, miss: f64) -> String {
+    let task = nerd_tasks::named(task);
+    let (allowed, unit) = task.as_ref().map_or((1.0, ""), |task| task.allowed());
+    format!("{:.3}{}{unit}", miss * allowed, if unit.is_empty() { "" } else { " " })
 }
 
 /// The same without seeds.

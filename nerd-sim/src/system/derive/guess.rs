@@ -29,7 +29,19 @@ const START: f64 = 0.01;
 /// Inertia of a joint, of the robot's mass times its extent squared, that is none.
 const BARE: f64 = 1e-10;
 /// How much higher evaluations may start than a robot stands, of its extent.
-const HIGHER: f64 = 0.2;
+const HIGHER: f64 = 0.06;
+/// What may be lowest near the default pose is at most so much higher in it, of the extent.
+const NEAR: f64 = 0.1;
+/// Torque of a motor that no file knows: what bears the robot's weight on one foot at this share of the joint's distance to it, or so many times
+/// what moves with the joint, held at arm's length.
+const BEARS: f64 = 0.75;
+const HOLDS: f64 = 3.0;
+/// Error (rad) at which a position law asks for a motor's whole effort.
+const LEAN: f64 = 1.0;
+/// Damping of that law, of its stiffness (s).
+const CALMS: f64 = 0.025;
+/// Largest velocity (rad/s, m/s) of a motor that no file knows.
+const SPINS: f64 = 20.0;
 /// Share of a robot's height by which a leg reaches lower than what it hangs on.
 const LEG: f64 = 0.2;
 /// Contact points that are all kept: in place of more come few, on which it stands and falls as on all.
@@ -108,6 +120,8 @@ pub(crate) fn derived(
     }
     let place = |p: &ContactPoint| p.places().into_iter().map(|at| point_position(&data, p.link, &at)).collect::<Vec<_>>();
     let points: Vec<Vector3<f64>> = robot.contact_points.iter().flat_map(place).collect();
+    let lows: Vec<f64> = robot.contact_points.iter().map(|p| foot(p, &data, &Vector3::z())).collect();
+    let low = lows.iter().copied().fold(f64::INFINITY, f64::min);
     let round = robot.contact_points.iter().map(|p| p.radius).fold(0.0, f64::max);
     let origins = (0..robot.links.len()).map(|link| data.origin + data.position[link]);
     let all: Vec<Vector3<f64>> = points.iter().copied().chain(origins).collect();
@@ -119,25 +133,28 @@ pub(crate) fn derived(
         "only the robot's file is given: pose {pose}, {} base, gravity along -z; `inspect --robot` shows all of it",
         if floating { "free" } else { "fixed" }
     ));
-    let low = robot.contact_points.iter().map(|p| foot(p, &data, &Vector3::z())).fold(f64::INFINITY, f64::min);
+    let beneath = robot.contact_points.iter().zip(&lows).filter(|(_, at)| **at < low + NEAR * extent);
+    let round = beneath.map(|(p, _)| p.radius).fold(0.0, f64::max);
     let height = file.floor + if low.is_finite() { state.get(2).copied().unwrap_or(0.0) - low } else { 0.0 };
     let gain = stiffness(weight, extent, false);
     let control = ControlSpec {
         relative: false,
-        scale: 0.5,
+        scale: 1.0,
         clamp: true,
         ahead: true,
         data: Some(RandomGains { kp: between(0.1 * gain, 0.6 * gain), kd: between(0.0, 0.01 * gain) }),
     };
     let driven = floating && robot.joint_count() > 0;
     let torques = torques(robot);
-    let joints = robot.joints().zip(&torques).zip(&state[coords..]);
-    let mut joints: Vec<JointSpec> = joints.map(|((joint, torque), q)| joint_spec(joint, *torque, *q, [weight, extent], driven)).collect();
+    let efforts = efforts(robot, &data, &lows, low + NEAR * extent);
+    let joints = robot.joints().zip(&torques).zip(&state[coords..]).zip(efforts);
+    let joints = joints.map(|(((joint, torque), q), effort)| joint_spec(joint, *torque, *q, [weight, extent], driven.then_some(effort)));
+    let mut joints: Vec<JointSpec> = joints.collect();
     // No URDF has the inertia of rotors, and no motion needs it but that of a joint that nothing else resists.
     for (joint, spec) in
         bare(robot, BARE * robot.mass() * extent * extent).into_iter().zip(&mut joints).filter_map(|(bare, spec)| Some((bare?, spec)))
     {
-        spec.armature = rotor(&joint);
+        spec.armature = rotor(&joint, None);
     }
     let guessed = joints.iter().filter(|j| j.armature > 0.0).map(|j| format!("{} {}", j.name, j.armature)).collect::<Vec<_>>().join(", ");
     if !guessed.is_empty() {
@@ -198,7 +215,7 @@ fn material(weight: f64, extent: f64, points: f64) -> Material {
     }
 }
 
-/// `round` is the largest radius of a contact point, from whose middle gaps are counted; none where nothing touches.
+/// `round` is the largest radius of a contact point near the ground, from whose middle gaps are counted; none where nothing touches.
 fn root(height: f64, quaternion: [f64; 4], extent: f64, round: Option<f64>) -> RootSpec {
     let clearance = round.map(|radius| radius + rounded(GIVE * extent));
     let above = |share: f64| [Range::default(), Range::default(), Range { low: height, high: height + share * extent }];
@@ -217,7 +234,8 @@ fn root(height: f64, quaternion: [f64; 4], extent: f64, round: Option<f64>) -> R
     }
 }
 
-fn joint_spec(joint: &Joint, torque: f64, default: f64, [weight, extent]: [f64; 2], driven: bool) -> JointSpec {
+/// `effort` is that of a motor of a robot that stands.
+fn joint_spec(joint: &Joint, torque: f64, default: f64, [weight, extent]: [f64; 2], effort: Option<f64>) -> JointSpec {
     let slides = joint.kind == JointKind::Prismatic;
     let gain = stiffness(weight, extent, slides);
     let (low, high) = match joint.limit {
@@ -227,30 +245,59 @@ fn joint_spec(joint: &Joint, torque: f64, default: f64, [weight, extent]: [f64; 
     };
     let fast = FAST.min(0.5 * joint.velocity);
     // A robot that stands starts near its pose; an arm anywhere.
-    let (wide, near) = (if driven { 0.3 } else { 2.0 * PI }, 0.1);
+    let (wide, near) = (if effort.is_some() { 0.3 } else { 2.0 * PI }, 0.1);
     let reach = |turn: f64| if slides { turn.min(1.0) * extent } else { turn };
     let about = |turn: f64| {
         let Range { low: a, high: b } = between(default - reach(turn), default + reach(turn));
         Range { low: a.clamp(low, high), high: b.clamp(low, high) }
     };
-    let effort = if joint.effort.is_finite() { joint.effort } else { gain };
+    let (kp, kd) = match effort {
+        // A law that is stiffer than its motor is strong is at one bound or the other.
+        Some(effort) if !slides => (effort / LEAN, CALMS * effort / LEAN),
+        _ => (0.6 * gain, 0.006 * gain),
+    };
     JointSpec {
         name: joint.name.clone(),
         default,
         torque,
-        gain: Some(if driven { effort } else { torque }),
-        kp: rounded(0.6 * gain),
-        kd: rounded(0.006 * gain),
+        gain: Some(effort.unwrap_or(torque)),
+        kp: rounded(kp),
+        kd: rounded(kd),
         sample: StartSpec { q: about(wide), qd: between(-fast, fast), minus: None },
         reset: StartSpec { q: about(near), ..StartSpec::default() },
         ..JointSpec::default()
     }
 }
 
-/// The inertia of a motor's rotor at its joint (kg m^2 or kg); 0 where its file says too little.
-pub(crate) fn rotor(joint: &Joint) -> f64 {
-    let known = joint.effort.is_finite() && joint.velocity.is_finite() && joint.velocity > 0.0;
-    if known { rounded(joint.effort * START / joint.velocity) } else { 0.0 }
+/// What motors can do by joint (N m or N), where no file says it: `lows` are the heights of contact points, of which those below `ground` may
+/// bear the robot.
+fn efforts(robot: &Robot, data: &Data, lows: &[f64], ground: f64) -> Vec<f64> {
+    let n = robot.links.len();
+    let over = |link: usize, joint: usize| std::iter::successors(Some(link), |k| robot.links[*k].parent).any(|k| k == joint);
+    let first = n - robot.joint_count();
+    let effort = |(link, joint): (usize, &Joint)| {
+        if joint.effort.is_finite() {
+            return joint.effort;
+        }
+        let axis = data.rotation[link] * joint.axis().into_inner();
+        let lever = |place: Vector3<f64>| match joint.kind {
+            JointKind::Prismatic => 1.0,
+            _ => axis.cross(&(place - data.origin - data.position[link])).norm(),
+        };
+        let feet = robot.contact_points.iter().zip(lows).filter(|(p, at)| **at < ground && over(p.link, link));
+        let foot = feet.map(|(p, _)| lever(point_position(data, p.link, &p.local))).fold(0.0, f64::max);
+        let own = |k: usize| robot.links[k].inertia.mass * lever(point_position(data, k, &robot.links[k].inertia.com));
+        let own: f64 = (link..n).filter(|k| over(*k, link)).map(own).sum();
+        rounded(GRAVITY * (BEARS * robot.mass() * foot).max(HOLDS * own))
+    };
+    (first..n).zip(robot.joints()).map(effort).collect()
+}
+
+/// The inertia of a motor's rotor at its joint (kg m^2 or kg); where its file says too little, of one of that effort, or 0.
+pub(crate) fn rotor(joint: &Joint, effort: Option<f64>) -> f64 {
+    let effort = Some(joint.effort).filter(|x| x.is_finite()).or(effort);
+    let velocity = if joint.velocity.is_finite() && joint.velocity > 0.0 { joint.velocity } else { SPINS };
+    effort.map_or(0.0, |effort| rounded(effort * START / velocity))
 }
 
 /// The joints that no link resists in some pose, each where it is among all; `least` is an inertia that rounding alone leaves.

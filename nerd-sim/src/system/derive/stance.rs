@@ -38,35 +38,41 @@ fn bent(robot: &Robot, state: &mut [f64]) -> bool {
         length[link] = if parent == 0 { 0.0 } else { length[parent] + (origin(&data, link) - origin(&data, parent)).norm() };
     }
     let far = |p: &ContactPoint| length[p.link] + p.local.norm();
-    let mut bent = false;
+    // From a hip to its foot.
+    let way = |state: &[f64], data: &mut Data, hip: usize, foot: &ContactPoint| {
+        kinematics(robot, state, data);
+        point_position(data, foot.link, &foot.local) - origin(data, hip)
+    };
+    let at = |link: usize| robot.root_coords() + link - 1;
+    let mut legs = Vec::new();
     for hip in (1..robot.links.len()).filter(|link| hips[*link] == Some(*link)) {
         let own: Vec<usize> = (hip..robot.links.len()).filter(|link| hips[*link] == Some(hip)).collect();
         let points = robot.contact_points.iter().filter(|p| own.contains(&p.link));
         let Some(foot) = points.max_by(|a, b| far(a).total_cmp(&far(b))) else { continue };
-        // From the hip to the foot.
-        let way = |state: &[f64], data: &mut Data| {
-            kinematics(robot, state, data);
-            point_position(data, foot.link, &foot.local) - origin(data, hip)
-        };
-        let at = |link: usize| robot.root_coords() + link - 1;
         let reach = (0..POSES).map(|k| {
             let mut tried = state.to_vec();
             let drawn = pose(robot, k);
             own.iter().for_each(|link| tried[at(*link)] = drawn[at(*link)]);
-            -way(&tried, &mut data).z
+            -way(&tried, &mut data, hip, foot).z
         });
         let reach = reach.fold(0.0, f64::max);
-        let asked = Vector3::new(0.0, way(state, &mut data).y, -REACH * reach);
-        if reach <= 0.0 {
-            continue;
+        if reach > 0.0 {
+            let beside = way(state, &mut data, hip, foot).y;
+            legs.push((hip, own, foot, [beside, reach, origin(&data, hip).z]));
         }
+    }
+    // All feet on one ground, the highest that a leg asks for.
+    let ground = legs.iter().map(|(.., [_, reach, high])| high - REACH * reach).fold(f64::MIN, f64::max);
+    let bent = !legs.is_empty();
+    for (hip, own, foot, [beside, reach, high]) in legs {
+        let asked = Vector3::new(0.0, beside, ground - high);
         for _ in 0..TURNS {
-            let now = way(state, &mut data);
+            let now = way(state, &mut data, hip, foot);
             let (mut square, mut slopes) = (Matrix3::identity() * 1e-6, Vec::new());
             for link in &own {
                 let mut moved = state.to_vec();
                 moved[at(*link)] += 1e-6;
-                let slope = (way(&moved, &mut data) - now) / 1e-6;
+                let slope = (way(&moved, &mut data, hip, foot) - now) / 1e-6;
                 square += slope * slope.transpose();
                 slopes.push(slope);
             }
@@ -83,10 +89,9 @@ fn bent(robot: &Robot, state: &mut [f64]) -> bool {
             *q = (*q * 1e3).round() / 1e3 + 0.0;
             *q = limit.map_or(*q, |limit| q.clamp(limit.lower, limit.upper));
         }
-        if (way(state, &mut data) - asked).norm() > OFF * reach {
+        if (way(state, &mut data, hip, foot) - asked).norm() > OFF * reach {
             return false;
         }
-        bent = true;
     }
     bent
 }
