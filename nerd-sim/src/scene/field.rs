@@ -127,6 +127,11 @@ impl Field {
         Self { scale, ..self.clone() }
     }
 
+    /// Its nodes along x and y, and how far they are apart (m).
+    pub fn grid(&self) -> ([usize; 2], f64) {
+        (self.nodes, self.cell)
+    }
+
     /// After how far it repeats along x and y (m).
     pub fn period(&self) -> [f64; 2] {
         self.nodes.map(|n| n as f64 * self.cell)

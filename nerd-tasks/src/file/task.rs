@@ -56,6 +56,7 @@ impl FileTask {
             if keys.scene.is_some() {
                 return Err(wrong("scene: [terrain] is the scene; leave one of the two out".into()));
             }
+            terrain.check().map_err(|e| wrong(format!("terrain: {e}")))?;
             system = Arc::new(Arc::unwrap_or_clone(system).with_terrain(terrain)?);
             usual = TERRAIN.into();
         }

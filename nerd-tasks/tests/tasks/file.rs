@@ -99,7 +99,7 @@ fn what_is_wrong_with_a_file_is_said_with_its_place() {
 fn a_scan_looks_ahead() {
     let text = |terrain: &str| {
         format!(
-            "steps = 1\nscene = \"plane\"\nobservation = [\"scan([0.3, -0.2], [0, 0.1])\", \"ground\", \"height\"]\nreward = \"1\"\n{terrain}"
+            "steps = 1\nactions = 1\nact = \"[]\"\nscene = \"plane\"\nobservation = [\"scan([0.3, -0.2], [0, 0.1])\", \"ground\", \"height\"]\nreward = \"1\"\n{terrain}"
         )
     };
     let rough = text("[terrain]\nkind = \"rubble\"\nheight = 0.2").replace("scene = \"plane\"\n", "");

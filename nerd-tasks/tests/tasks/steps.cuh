@@ -6,7 +6,8 @@ int main() {
     b.states = take_in<double>(frames * STATE), b.goals = take_in<double>(frames * GOALS), b.torques = take_in<double>(frames * NJ);
     b.reached = take_in<double>(steps * STATE), b.seen = take_in<double>((steps + n) * SEEN), b.rows = take_in<double>(rows * SEEN);
     b.mean = take_in<double>(SEEN), b.inverse = take_in<double>(SEEN), b.shares = take_in<double>(steps);
-    const double *pushed = take_in<double>(frames * NJ), *scenes = take_in<double>(n * SCENE);
+    const double* pushed = take_in<double>(frames * NJ);
+    double* scenes = take_in<double>(n * SCENE);
     b.drawn = take_in<float>(steps * ACTIONS), b.means = take_in<float>(steps * ACTIONS);
     const float* by_seen = take_in<float>(steps * SEEN);
     b.by_rows = take_in<float>(rows * SEEN);

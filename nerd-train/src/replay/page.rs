@@ -24,6 +24,8 @@ pub struct Replay {
     pub up: [f64; 3],
     /// Normals and offsets of the scene's planes.
     pub planes: Vec<([f64; 3], f64)>,
+    /// The ground, if it is not flat.
+    pub ground: Option<Ground>,
     /// Shapes of links and scene.
     pub shapes: Vec<Solid>,
     /// Links whose origins a rod joins, since not every robot has a shape for each; none of a cable, whose shapes join.
@@ -47,6 +49,32 @@ pub struct Track {
     pub poses: Vec<Vec<[f32; 7]>>,
 }
 
+/// A grid of heights that repeats, `[x][y]`, over its origin along its axes (x, y, up), both in the world.
+#[derive(Clone, Debug, Serialize)]
+pub struct Ground {
+    /// From node to node (m).
+    pub cell: f64,
+    /// Along x and y.
+    pub nodes: [usize; 2],
+    /// Heights of nodes (m).
+    pub heights: Vec<f32>,
+    /// Where its first node has height 0 (m).
+    pub origin: [f64; 3],
+    /// Its axes.
+    pub axes: [[f64; 3]; 3],
+}
+
+impl Ground {
+    fn of(scene: &Scene) -> Option<Self> {
+        let (body, field) = scene.terrain()?;
+        let (nodes, cell) = field.grid();
+        let node = |k: usize| rounded(field.at((k / nodes[1]) as f64 * cell, (k % nodes[1]) as f64 * cell).0);
+        let axes = [0, 1, 2].map(|k| (body.pose.rotation * nalgebra::Vector3::ith(k, 1.0)).into());
+        let heights = (0..nodes[0] * nodes[1]).map(node).collect();
+        Some(Self { cell, nodes, heights, origin: body.pose.translation.vector.into(), axes })
+    }
+}
+
 impl Replay {
     /// Of the first environment of a batch, without tracks yet; `dt` seconds from frame to frame.
     pub fn new(title: &str, batch: &Batch, dt: f64) -> Self {
@@ -58,6 +86,7 @@ impl Replay {
             dt,
             up: up.into(),
             planes: scene.colliders.iter().filter_map(|c| c.plane).map(|p| (p.normal.into(), p.offset)).collect(),
+            ground: Ground::of(scene),
             shapes: solids(system).chain(scene.colliders.iter().filter_map(standing)).collect(),
             rods: links.filter_map(|(i, link)| Some([link.parent?, i])).collect(),
             ..Self::default()

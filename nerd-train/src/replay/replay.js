@@ -96,6 +96,20 @@ const replay = (() => {
             stroke(point(j, k), point(j + 1, k));
           }
       }
+      // Of ground that is not flat, the lines between its nodes.
+      if (data.ground) {
+        const { cell, nodes: [n, m], heights, origin, axes: [a, b, c] } = data.ground, reach = Math.min(30, Math.ceil(4 / cell));
+        const [i0, j0] = [a, b].map(axis => Math.round(dot(sub(target, origin), axis) / cell)), around = (k, n) => ((k % n) + n) % n;
+        const node = (i, j) => {
+          const high = heights[around(i0 + i, n) * m + around(j0 + j, m)];
+          return add(origin, add(add(times(a, (i0 + i) * cell), times(b, (j0 + j) * cell)), times(c, high)));
+        };
+        for (let k = -reach; k <= reach; k++)
+          for (let j = -reach; j < reach; j++) {
+            stroke(node(k, j), node(k, j + 1));
+            stroke(node(j, k), node(j + 1, k));
+          }
+      }
       const polygons = [], shadows = [];
       const falls = data.planes.slice(0, 1).map(([n, offset]) => x => sub(x, times(up, (dot(x, n) - offset) / dot(up, n))));
       data.tracks.forEach((track, k) => {
