@@ -58,6 +58,7 @@ impl Side {
 /// Episodes of which some will soon run out of time.
 pub fn under_way(task: &str, arena: &Arena, n: usize) -> Outcome<Episodes> {
     let mut episodes = arena.episodes(task, n, 3)?;
+    episodes.climb()?;
     let length = episodes.task.episode_length() * episodes.task.frames();
     let mut kept = episodes.snapshot();
     kept.frames.iter_mut().enumerate().filter(|(env, _)| env % 5 == 0).for_each(|(env, f)| *f = length - 1 - (env as u64 % 40));
@@ -93,7 +94,8 @@ pub fn tasks(checks: &mut Checks) -> Outcome {
             task_alike(checks, name, &Arena::Card(Setting::Implicit(4)))?;
         }
     }
-    for (task, robot) in [("ant-run", "ant"), ("anymal-forward", "anymal")] {
+    task_alike(checks, "rough@anymal", &Arena::Card(Setting::Implicit(4)))?;
+    for (task, robot) in [("ant-run", "ant"), ("anymal-forward", "anymal"), ("rough@anymal", "anymal")] {
         let mut family = (*System::named(&format!("{robot}-family"))?).clone();
         if let Some(vary) = &mut family.spec.vary {
             (vary.gain, vary.lag, vary.push) = (range(0.8, 1.2), range(0.0, 2.0), range(0.0, 0.5));
@@ -132,7 +134,7 @@ fn task_alike(checks: &mut Checks, task: &str, arena: &Arena) -> Outcome {
     let [apart, _] = gpu.learn(&policy, &config)?;
     checks.demand(apart < 1e-2, format!("{title}: weights {apart:.1e} of their way from those that the CPU learns"));
     let kept = gpu.engine.snapshot(&gpu.episodes)?;
-    let mut other = Side::new(arena.episodes(task, N, 3)?, true, &shape, &config)?;
+    let mut other = Side::new(under_way(task, arena, N)?, true, &shape, &config)?;
     other.engine.restore(&mut other.episodes, &kept)?;
     other.running = gpu.running.clone();
     let (gone_on, begun_again) = (gpu.roll(&policy, &config, 2)?.0, other.roll(&policy, &config, 2)?.0);
