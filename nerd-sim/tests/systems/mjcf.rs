@@ -1,6 +1,6 @@
 //! MJCF: what is written is read again, and what is read obeys MuJoCo's rules, or is refused by name and line.
 
-use nerd_sim::mjcf::mjcf;
+use nerd_sim::mjcf::{mjcf, mjcf_of_our_contact};
 use nerd_sim::prelude::*;
 
 /// A robot in the world.
@@ -47,6 +47,24 @@ fn what_is_written_is_read_again() {
             assert!(gap < 1e-9, "{name}: accelerations apart by {gap:.1e}");
         }
     }
+}
+
+/// MuJoCo scales a contact's spring and damper by the inertia of the body's centre of mass: of one free body its mass.
+#[test]
+fn our_contact_is_written_as_mujoco_scales_it() {
+    let system = System::named("cube").expect("built in");
+    let scene = system.scene("ground").expect("ground");
+    let (text, mass) = (mjcf_of_our_contact(&system, &scene).expect("written"), system.robot.mass());
+    let material = scene.colliders[0].material.mean(&system.spec.material);
+    let numbers = |key: &str| -> Vec<f64> {
+        let value = text.split(key).nth(1).and_then(|rest| rest.split('"').next()).expect("a value");
+        value.split(' ').map(|x| x.parse().expect("a number")).collect()
+    };
+    for (found, expected) in numbers(" solref=\"").into_iter().zip([material.stiffness, material.damping]) {
+        assert!((-found * mass / expected - 1.0).abs() < 1e-9, "{found} of {mass} kg, not {expected}");
+    }
+    assert_eq!(numbers("impratio=\""), [material.friction_damping / material.damping]);
+    assert!(!mjcf(&system, &scene, &[]).expect("written").contains(" solref="));
 }
 
 #[test]
