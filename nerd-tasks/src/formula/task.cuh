@@ -178,7 +178,6 @@ FN void judge(const World& w, int env, const double* row, double* next, double* 
     observe(w, env, work, next);
 }
 
-#ifdef __CUDACC_RTC__
 extern "C" __global__ void task_act(const World* world, const float* actions, int frame, double* past_states, double* past_torques,
                                     double* past_goals) {
     const int env = blockIdx.x * blockDim.x + threadIdx.x;
@@ -190,4 +189,3 @@ extern "C" __global__ void task_judge(const World* world, const double* rows, do
     const long long at = (long long)env * depth * SEEN;
     if (env < world->n) judge(*world, env, rows + at, next + at, cut, cuts, depth, rewards + env, ends + env, reached);
 }
-#endif

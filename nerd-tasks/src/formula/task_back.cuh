@@ -120,7 +120,6 @@ FN void begin_again(const World& w, const Steps& b, int env, double* rows) {
     observe(w, env, work, rows + (long long)env * SEEN);
 }
 
-#ifdef __CUDACC_RTC__
 extern "C" __global__ void task_arrive_back(const World* world, const Steps* steps, int t) {
     const int env = blockIdx.x * blockDim.x + threadIdx.x;
     if (env < world->n) arrive_back(*world, *steps, t, env);
@@ -137,4 +136,3 @@ extern "C" __global__ void task_begin_again(const World* world, const Steps* ste
     const int env = blockIdx.x * blockDim.x + threadIdx.x;
     if (env < world->n) begin_again(*world, *steps, env, rows);
 }
-#endif

@@ -7,8 +7,8 @@ use nerd_sim::{prelude::*, solver::Fault};
 use nerd_tasks::formula::{Formulas, Number, Sight, written};
 use nerd_tasks::{About, Episodes, StepResult, Work, named};
 
-use crate::cpp::Compiler;
-use crate::{doubles, every, recorded, some};
+use crate::cpp::{Compiler, bytes, doubles};
+use crate::{every, recorded, some};
 
 const N: usize = 64;
 const SEED: u64 = 9;
@@ -82,42 +82,42 @@ struct Made {
     reached: Vec<f64>,
 }
 
+/// A step in which nothing moves, and what is planted fails in every frame: of the world's memory, planted faults, actions, rows; what comes of it,
+/// and the key of what is drawn.
+const LAUNCHES: &str = "
+    const unsigned long long* key = b[20];
+    const World w = {b[0], b[1], b[2], b[3], b[4], b[5], nullptr, b[6], b[7], b[8], {key[0], key[1], key[2], key[3]}, key[4], b[9], N, LEVELS > 0,
+                     b[10]};
+    for (int frame = 0; frame < STEP_FRAMES; frame++)
+        for (blockIdx.x = 0; blockIdx.x < N; blockIdx.x++) {
+            task_act(&w, b[12], frame, nullptr, nullptr, nullptr);
+            w.faults[blockIdx.x] = ((int*)b[11])[blockIdx.x];
+        }
+    for (blockIdx.x = 0; blockIdx.x < N; blockIdx.x++) task_judge(&w, b[13], b[14], b[15], b[16], 2, b[17], b[18], b[19]);
+";
+
 /// The task's kernels on what `episodes` are now.
 fn run(compiler: &Compiler, text: &str, episodes: &Episodes, actions: &[f64], rows: &[f64]) -> Made {
     let (batch, kept) = (&episodes.simulation.batch, episodes.snapshot());
-    let numbers = |values: &[f64]| values.iter().flat_map(|x| x.to_le_bytes()).collect::<Vec<u8>>();
-    let mut input: Vec<u8> = [N as i32, 2].iter().flat_map(|x| x.to_le_bytes()).collect();
-    input.extend(stream(SEED, 0).get_seed());
-    input.extend((FIRST as u64).to_le_bytes());
-    input.extend([numbers(&batch.states), numbers(&kept.goals)].concat());
-    input.extend(batch.frames.iter().chain(&kept.begun).flat_map(|x| x.to_le_bytes()));
-    input.extend((0..N).flat_map(|env| i32::from(env == FAILS).to_le_bytes()));
-    input.extend(actions.iter().flat_map(|x| (*x as f32).to_le_bytes()));
-    let scenes = recorded(batch);
-    input.extend([numbers(rows), (scenes.len() as i32).to_le_bytes().to_vec(), numbers(&scenes)].concat());
-    // By environment, the newest first.
-    let (past, d) = (kept.past_states.chunks_exact(batch.states.len()).rev().collect::<Vec<_>>(), batch.states.len() / N);
-    input.extend((0..N).flat_map(|env| past.iter().flat_map(|all| numbers(&all[env * d..][..d])).collect::<Vec<u8>>()));
-    let output = compiler.run(text, input);
     let (d, joints, row) = (batch.system.robot.state_dim(), batch.system.robot.joint_count(), 2 * episodes.task.observation_dim());
-    let mut rest = &output[..];
-    let mut take = |n: usize| rest.split_off(..n).expect("as many bytes");
-    let whole = |bytes: &[u8]| bytes.as_chunks::<8>().0.iter().map(|b| u64::from_le_bytes(*b)).collect::<Vec<u64>>();
-    // Torques come first, on which the rewards depend.
-    take(8 * N * joints);
-    Made {
-        rewards: doubles(take(8 * N)),
-        ends: take(N).to_vec(),
-        rows: doubles(take(8 * N * row)),
-        cut: doubles(take(8 * N * row)),
-        states: doubles(take(8 * N * d)),
-        goals: doubles(take(8 * kept.goals.len())),
-        frames: whole(take(8 * N)),
-        begun: whole(take(8 * N)),
-        // And one that cannot be begun.
-        failed: u32::from_le_bytes(take(8)[..4].try_into().expect("four bytes")),
-        reached: doubles(take(8 * N * d)),
-    }
+    let (numbers, zeros) = (|values: &[f64]| bytes(values, f64::to_le_bytes), |size: usize, width: usize| vec![0; size * N * width]);
+    let (whole, counts) = (|values: Vec<i32>| bytes(&values, i32::to_le_bytes), |values: &[u64]| bytes(values, u64::to_le_bytes));
+    // By environment, the newest first.
+    let past = kept.past_states.chunks_exact(batch.states.len()).rev().collect::<Vec<_>>();
+    let before = (0..N).flat_map(|env| past.iter().flat_map(move |all| all[env * d..][..d].to_vec())).collect::<Vec<f64>>();
+    let world = [numbers(&batch.states), numbers(&kept.goals), zeros(8, joints), numbers(&recorded(batch)), whole((0..N as i32).collect())];
+    let ends = [zeros(4, 1), zeros(4, 1), counts(&batch.frames), counts(&kept.begun), zeros(4, 2), numbers(&before)];
+    let actions = bytes(&actions.iter().map(|x| *x as f32).collect::<Vec<_>>(), f32::to_le_bytes);
+    let given = [whole((0..N).map(|env| i32::from(env == FAILS)).collect()), actions, numbers(rows)];
+    let found = [zeros(8, row), zeros(8, row), zeros(4, 1), zeros(8, 1), zeros(1, 1), zeros(8, d)];
+    let key = [&stream(SEED, 0).get_seed()[..], &(FIRST as u64).to_le_bytes()].concat();
+    let buffers = [world.to_vec(), ends.to_vec(), given.to_vec(), found.to_vec(), vec![key]].concat();
+    let made = compiler.launch(text, &format!("const int N = {N};{LAUNCHES}"), &buffers);
+    let [states, goals, rows, cut, rewards, reached] = [0, 1, 14, 15, 17, 19].map(|k| doubles(&made[k]));
+    let [frames, begun] = [7, 8].map(|k| made[k].as_chunks().0.iter().map(|b| u64::from_le_bytes(*b)).collect());
+    // The second count is of one that cannot be begun.
+    let failed = u32::from_le_bytes(made[9][..4].try_into().expect("four bytes"));
+    Made { rewards, rows, cut, states, goals, ends: made[18].clone(), frames, begun, failed, reached }
 }
 
 fn apart(a: &[f64], b: &[f64]) -> f64 {
@@ -137,7 +137,7 @@ fn is_the_same(compiler: &Compiler, name: &str, system: &Arc<System>) -> bool {
         }
     };
     let before: Vec<f64> = (0..N * 2 * task.observation_dim()).map(|k| (k as f64 * 0.31).sin()).collect();
-    let made = run(compiler, &(text + include_str!("given.cuh") + include_str!("alone.cuh")), &episodes, &actions, &before);
+    let made = run(compiler, &text, &episodes, &actions, &before);
     episodes.trace();
     let begun = episodes.snapshot();
     let StepResult { rewards, terminated, truncated, reached, failed, .. } = episodes.step(&actions).expect("it can be stepped");

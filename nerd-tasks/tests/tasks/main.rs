@@ -63,7 +63,3 @@ fn recorded(batch: &Batch) -> Vec<f64> {
     let scenes = batch.scenes.iter().map(|scene| Arc::new((**scene).clone())).collect();
     records(&Batch { scenes, ..batch.clone() }, &config, Reach::of(batch)).expect("scenes with kernels").0
 }
-
-fn doubles(bytes: &[u8]) -> Vec<f64> {
-    bytes.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect()
-}

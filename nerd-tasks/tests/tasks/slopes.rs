@@ -5,8 +5,8 @@ use nerd_sim::{articulated::device::Reach, prelude::*};
 use nerd_tasks::formula::{Formulas, Number, Sight};
 use nerd_tasks::{About, Task, View, Work, named};
 
-use crate::cpp::Compiler;
-use crate::{actions, apart, doubles, episodes, every, recorded, some};
+use crate::cpp::{Compiler, bytes, doubles};
+use crate::{actions, apart, episodes, every, recorded, some};
 
 const N: usize = 12;
 
@@ -98,6 +98,20 @@ fn one_and<N: Number>(x: N) -> N {
     N::from(1.0) + x.squared()
 }
 
+/// By environment slopes of observation, act (and by action) and reward (and by torques): of states, goals, actions, torques, gradients by
+/// observations, by torques and by rewards, and the scene.
+const LAUNCHES: &str = "
+    for (int i = 0; i < N; i++) {
+        Work work;
+        const Seen s = {(double*)b[0] + i * STATE, (double*)b[1] + i * GOALS, b[7], &work};
+        settle(work, s.state, s.scene);
+        double* out = (double*)b[8] + i * (6 * NV + ACTIONS + NJ);
+        task_observe_back(s, (double*)b[4] + i * SEEN, out);
+        task_act_back(s, (double*)b[2] + i * ACTIONS, (double*)b[5] + i * NJ, out + 2 * NV, out + 6 * NV);
+        task_reward_back(s, (double*)b[3] + i * NJ, (double*)b[6] + i, out + 4 * NV, out + 6 * NV + ACTIONS);
+    }
+";
+
 #[test]
 fn slopes_of_every_task_are_those_of_differences_and_of_kernels() {
     let (compiler, mut count) = (Compiler::find(), 0);
@@ -134,7 +148,7 @@ fn slopes_of_every_task_are_those_of_differences_and_of_kernels() {
 
         let Some(compiler) = &compiler else { continue };
         let reach = Reach { colliders: scene.colliders.len(), ..Reach::default() };
-        let text = task.kernels(&system, reach, true).expect("kernels") + include_str!("given.cuh") + include_str!("back.cuh");
+        let text = task.kernels(&system, reach, true).expect("kernels");
         let column = |of: &dyn Fn(&Place) -> &Vec<f64>| places.iter().flat_map(|at| of(at).clone()).collect::<Vec<f64>>();
         let columns = [
             column(&|at| &at.state),
@@ -146,8 +160,9 @@ fn slopes_of_every_task_are_those_of_differences_and_of_kernels() {
             column(&|at| &at.by[2]),
             recorded(&played.simulation.batch),
         ];
-        let input = (N as i32).to_le_bytes().into_iter().chain(columns.concat().into_iter().flat_map(f64::to_le_bytes));
-        let kernels = doubles(&compiler.run(&text, input.collect()));
+        let found = vec![0.0; N * (3 * wide + task.action_dim() + joints)];
+        let buffers = [&columns[..], &[found]].concat().iter().map(|numbers| bytes(numbers, f64::to_le_bytes)).collect::<Vec<_>>();
+        let kernels = doubles(&compiler.launch(&text, &format!("const int N = {N};{LAUNCHES}"), &buffers)[8]);
         assert_eq!(kernels.len(), N * (3 * wide + task.action_dim() + joints));
         let off = apart(&kernels, &all);
         println!("{name}: kernels {off:.1e} off");

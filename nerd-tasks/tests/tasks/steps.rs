@@ -4,8 +4,8 @@
 use nerd_sim::{articulated::device::Reach, prelude::*};
 use nerd_tasks::{Trace, View, Work, named};
 
-use crate::cpp::Compiler;
-use crate::{actions, apart, doubles, episodes, every, recorded, some};
+use crate::cpp::{Compiler, bytes, doubles, floats};
+use crate::{actions, apart, episodes, every, recorded, some};
 
 const N: usize = 8;
 const HORIZON: usize = 3;
@@ -117,6 +117,24 @@ fn on_cpu(task: &dyn nerd_tasks::Task, scene: &Scene, work: &mut Work, trace: &T
     (by_first, by_mean, by_spread)
 }
 
+/// The way back through all steps, in which a solver leaves slopes as they are.
+const LAUNCHES: &str = "
+#define EVERY for (blockIdx.x = 0; blockIdx.x < N; blockIdx.x++)
+    World w = {};
+    w.scenes = b[10], w.scene_of = b[11], w.n = N;
+    Steps s = {b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7], b[8], b[9], b[12], b[13], b[14], nullptr, b[15], b[16], b[17], b[18], b[19], b[20],
+               b[21], b[22], SCALE, ACTIONS + 1, HORIZON};
+    for (int t = HORIZON - 1; t >= 0; t--) {
+        s.by_seen = (float*)b[23] + t * N * SEEN;
+        EVERY task_arrive_back(&w, &s, t);
+        for (int frame = (t + 1) * STEP_FRAMES - 1; frame >= t * STEP_FRAMES; frame--) {
+            for (int k = 0; k < N * NJ; k++) s.pushed[k] = ((double*)b[24])[frame * N * NJ + k];
+            EVERY task_acted_back(&w, &s, frame);
+        }
+    }
+    for (blockIdx.y = 0; blockIdx.y < HORIZON; blockIdx.y++) EVERY task_leave(&w, &s);
+";
+
 #[test]
 fn steps_are_gone_back_over_in_kernels_as_on_the_cpu() {
     let Some(compiler) = Compiler::find() else { return };
@@ -133,25 +151,23 @@ fn steps_are_gone_back_over_in_kernels_as_on_the_cpu() {
         let (mut by_first, mut by_mean, mut by_spread) = on_cpu(&*task, &scene, &mut Work::new(&system), &trace, &x);
 
         let reach = Reach { colliders: scene.colliders.len(), ..Reach::default() };
-        let text = task.kernels(&system, reach, true).expect("kernels") + include_str!("given.cuh") + include_str!("steps.cuh");
-        let numbers = recorded(&played.simulation.batch);
-        let input =
-            [&trace.states, &trace.goals, &trace.torques, &trace.reached, &x.seen, &x.rows, &x.mean, &x.inverse, &x.shares, &x.pushed];
-        let input = input.into_iter().chain([&numbers]).flatten().flat_map(|x| x.to_le_bytes());
-        let floats = [&x.drawn, &x.means, &x.by_seen, &x.by_rows].into_iter().flatten().flat_map(|x| x.to_le_bytes());
-        let head = [N, HORIZON, ROWS].into_iter().flat_map(|n| (n as i32).to_le_bytes());
-        let asked = x.asked.iter().flat_map(|x| x.to_le_bytes());
-        let output = compiler.run(&text, head.chain(input).chain(floats).chain(asked).chain(x.ends.iter().copied()).collect());
-
-        let (slope, rest) = output.split_at(8 * N * wide);
-        let mut slope = doubles(slope);
-        let words = rest.as_chunks::<4>().0;
-        let (said, words) = words.split_at(HORIZON * N * (a + 1));
-        let (spread, without) = words.split_at(HORIZON * N * a);
-        let float = |b: &[u8; 4]| f64::from(f32::from_le_bytes(*b));
-        let mut mean: Vec<f64> = said.chunks(a + 1).flat_map(|row| &row[..a]).map(float).collect();
-        let mut spread: Vec<f64> = spread.iter().map(float).collect();
-        assert!(said.chunks(a + 1).all(|row| float(&row[a]) == 0.0), "{name}: gradients by values");
+        let text = task.kernels(&system, reach, true).expect("kernels");
+        let steps = HORIZON * N;
+        let scenes = recorded(&played.simulation.batch);
+        let read = [&trace.states, &trace.goals, &trace.torques, &trace.reached, &x.seen, &x.rows, &x.mean, &x.inverse, &x.shares];
+        let numbers = |x: &Vec<f64>| bytes(x, f64::to_le_bytes);
+        let mut buffers = read.map(numbers).to_vec();
+        buffers.extend([x.ends.clone(), numbers(&scenes), vec![0; 4 * N], bytes(&x.asked, i32::to_le_bytes)]);
+        buffers.extend([&x.drawn, &x.means, &x.by_rows].map(|x| bytes(x, f32::to_le_bytes)));
+        buffers.extend([wide, joints, joints, a].map(|width| vec![0; 8 * N * width]));
+        buffers.extend([N, steps * (a + 1), steps * a].map(|n| vec![0; 4 * n]));
+        buffers.extend([bytes(&x.by_seen, f32::to_le_bytes), numbers(&x.pushed)]);
+        let launches = format!("const int N = {N}, HORIZON = {HORIZON};\nconst double SCALE = {SCALE};{LAUNCHES}");
+        let found = compiler.launch(&text, &launches, &buffers);
+        let single = |k: usize| floats(&found[k]).into_iter().map(f64::from).collect::<Vec<f64>>();
+        let (mut slope, said, mut spread, without) = (doubles(&found[16]), single(21), single(22), found[20].as_chunks::<4>().0);
+        let mut mean: Vec<f64> = said.chunks(a + 1).flat_map(|row| row[..a].to_vec()).collect();
+        assert!(said.chunks(a + 1).all(|row| row[a] == 0.0), "{name}: gradients by values");
         let broken: Vec<usize> = (0..N).filter(|env| without[*env] != [0; 4]).collect();
         assert_eq!(broken, [BREAKS], "{name}: environments without slopes");
         // What is left of the broken one is nothing; its slope is not asked for.
