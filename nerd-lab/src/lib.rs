@@ -11,6 +11,7 @@ pub mod circles;
 pub mod error;
 pub mod experiments;
 pub mod inspect;
+pub mod live;
 pub mod mujoco;
 pub mod page;
 pub mod paper;

@@ -22,6 +22,7 @@ mod dataset;
 mod evaluate;
 mod inspect;
 mod list;
+mod live;
 mod measure;
 mod options;
 mod out;
@@ -73,6 +74,8 @@ enum Verb {
     Calibrate(measure::Conduct<Calibration>),
     /// Read every URDF and MJCF of a folder and roll it out, or name what is not supported
     Urdf(urdf::UrdfArgs),
+    /// Serve a page on this machine: a robot that steps in real time, to be pushed and given another solver
+    Live(live::LiveArgs),
     /// List robots, scenes, tasks, models, rows
     List(list::ListArgs),
     /// Try hostile input: mutated files and command lines, killed runs
@@ -111,6 +114,7 @@ fn run(verb: Verb) -> Result<()> {
         Verb::Policy(args) => policy::run(args),
         Verb::Calibrate(args) => args.run(),
         Verb::Urdf(args) => urdf::run(args),
+        Verb::Live(args) => live::run(args),
         Verb::List(args) => list::run(args),
         Verb::Campaign(args) => campaign::run(args),
         Verb::Check(args) => check::run(args),

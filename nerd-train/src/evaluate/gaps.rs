@@ -30,17 +30,22 @@ pub fn summary_names(system: &System) -> Vec<String> {
 }
 
 /// Distances between two states, by quantity.
-pub(super) struct Gaps {
+pub struct Gaps {
     system: Arc<System>,
     wraps: Vec<bool>,
 }
 
 impl Gaps {
-    pub(super) fn new(system: &Arc<System>) -> Self {
+    /// Of this robot.
+    pub fn new(system: &Arc<System>) -> Self {
         Self { system: system.clone(), wraps: system.robot.joints().map(|j| j.wraps()).collect() }
     }
 
-    pub(super) fn between(&self, a: &[f64], b: &[f64], out: &mut [f64]) {
+    /// Their differences (m, rad), in the order of [`quantities`].
+    ///
+    /// # Panics
+    /// If there are fewer numbers in `out`.
+    pub fn between(&self, a: &[f64], b: &[f64], out: &mut [f64]) {
         let coords = self.system.robot.root_coords();
         let mut at = 0;
         if self.system.robot.floating() {

@@ -12,7 +12,7 @@ mod gaps;
 mod pieces;
 mod tally;
 
-pub use gaps::{quantities, summary, summary_names};
+pub use gaps::{Gaps, quantities, summary, summary_names};
 pub use pieces::Pieces;
 pub use tally::PassiveReport;
 use tally::Tally;

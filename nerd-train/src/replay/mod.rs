@@ -3,7 +3,7 @@
 mod page;
 mod solids;
 
-pub use page::{Ground, Replay, Track};
+pub use page::{Ground, Replay, Track, poses};
 // For pages that hold several.
 #[doc(hidden)]
 pub use page::{SCRIPT, escape, script};

@@ -100,11 +100,9 @@ impl Replay {
 
     /// Adds the present state of the first environment to the motion begun last.
     pub fn add(&mut self, batch: &Batch) {
-        let Some(track) = self.tracks.last_mut() else { return };
-        let robot = &batch.system.robot;
-        let mut data = Data::new(robot);
-        kinematics(robot, batch.state(0), &mut data);
-        track.poses.push((0..robot.links.len()).map(|link| numbers(&link_pose(&data, link))).collect());
+        if let Some(track) = self.tracks.last_mut() {
+            track.poses.push(poses(batch));
+        }
     }
 
     /// Measures how far apart the first two motions are at the robot's contact points.
@@ -125,6 +123,14 @@ impl Replay {
         let title = escape(&self.title);
         PAGE.replace("TITLE", &title).replace("SCRIPT", SCRIPT).replace("DATA", &script(self))
     }
+}
+
+/// Poses of the links of the first environment, now.
+pub fn poses(batch: &Batch) -> Vec<[f32; 7]> {
+    let robot = &batch.system.robot;
+    let mut data = Data::new(robot);
+    kinematics(robot, batch.state(0), &mut data);
+    (0..robot.links.len()).map(|link| numbers(&link_pose(&data, link))).collect()
 }
 
 /// JSON for a script, without `<`.

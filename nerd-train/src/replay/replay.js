@@ -66,17 +66,22 @@ const replay = (() => {
     const light = unit(add(add(up, times(east, 0.4)), times(north, -0.5)));
     const at = (track, frame) => track.poses[Math.min(frame, track.poses.length - 1)];
 
-    const paint = (canvas, frame, { turn, lift, distance }, scale = 1) => {
-      const context = canvas.getContext("2d");
+    const camera = (canvas, frame, { turn, lift, distance }) => {
       const target = middle(at(data.tracks[0], frame));
       const flat = add(times(east, Math.sin(turn)), times(north, -Math.cos(turn)));
       const back = add(times(flat, Math.cos(lift)), times(up, Math.sin(lift)));
       const right = unit(cross(up, back)), above = cross(back, right), eye = add(target, times(back, distance));
-      const focus = 1.1 * Math.min(canvas.width, canvas.height), near = 0.05;
+      const focus = 1.1 * Math.min(canvas.width, canvas.height);
       const see = x => {
         const r = sub(x, eye), depth = -dot(r, back);
         return [canvas.width / 2 + focus * dot(r, right) / depth, canvas.height / 2 - focus * dot(r, above) / depth, depth];
       };
+      return { target, eye, back, right, above, focus, see };
+    };
+
+    const paint = (canvas, frame, view, scale = 1) => {
+      const context = canvas.getContext("2d"), near = 0.05;
+      const { target, eye, focus, see } = camera(canvas, frame, view);
       const stroke = (a, b) => {
         const seen = [see(a), see(b)];
         if (seen.every(p => p[2] > near)) { trace(context, seen); context.stroke(); }
@@ -172,7 +177,7 @@ const replay = (() => {
         context.beginPath(); context.arc(p[0], p[1], Math.max(3, 0.02 * focus / p[2]), 0, 7); context.fill();
       }
     };
-    return { paint, view: { turn: -0.6, lift: 0.35, distance: 3 * reach + 0.2 } };
+    return { paint, camera, place, view: { turn: -0.6, lift: 0.35, distance: 3 * reach + 0.2 } };
   }
 
   const replay = (root, data) => {
@@ -243,5 +248,6 @@ const replay = (() => {
     draw();
     requestAnimationFrame(tick);
   };
+  replay.painter = painter;
   return replay;
 })();

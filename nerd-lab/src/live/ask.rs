@@ -1,0 +1,73 @@
+//! What a visitor may ask for.
+
+use serde::Deserialize;
+
+use nerd_sim::range::within;
+
+/// One request, as JSON: `{"do": "gravity", "to": 3.7}`.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
+pub enum Ask {
+    /// Stop, or go on.
+    Pause {
+        /// Whether it stops.
+        to: bool,
+    },
+    /// One frame.
+    Step {},
+    /// Back to the start; of a policy, the next episode.
+    Reset {},
+    /// Another solver, from the present state: its place in the list.
+    Solver {
+        /// Place in the list.
+        to: usize,
+    },
+    /// Whether the truth moves along, from the present state.
+    Ghost {
+        /// Whether it does.
+        to: bool,
+    },
+    /// Whether joints without a policy hold the rest pose, or hang.
+    Hold {
+        /// Whether they hold.
+        to: bool,
+    },
+    /// Friction coefficient.
+    Friction {
+        /// From 0 to 4.
+        to: f64,
+    },
+    /// Gravity along the scene's own direction (m/s^2).
+    Gravity {
+        /// From 0 to 30.
+        to: f64,
+    },
+    /// A spring from a point of a link (m, its axes) to a place in the world (m), until [`Ask::Release`].
+    Drag {
+        /// The link's number.
+        link: usize,
+        /// The point.
+        local: [f64; 3],
+        /// The place.
+        target: [f64; 3],
+    },
+    /// No spring.
+    Release {},
+}
+
+/// Farthest place that a link is dragged to (m).
+const FAR: f64 = 1e3;
+
+impl Ask {
+    /// Reads one, and refuses numbers out of range.
+    pub fn read(text: &str) -> Result<Self, String> {
+        let ask: Self = serde_json::from_str(text).map_err(|e| e.to_string())?;
+        match &ask {
+            Self::Friction { to } => within("friction", *to, 0.0..=4.0, "")?,
+            Self::Gravity { to } => within("gravity", *to, 0.0..=30.0, "m/s^2")?,
+            Self::Drag { local, target, .. } => local.iter().chain(target).try_for_each(|x| within("drag", *x, -FAR..=FAR, "m"))?,
+            _ => (),
+        }
+        Ok(ask)
+    }
+}

@@ -1,0 +1,314 @@
+//! One robot under a solver that can be swapped, its truth as a ghost, and a hand that pulls at a link.
+
+use nalgebra::DVector;
+use nerd_core::{dynamics::Axes, robot::FixedFrame};
+use nerd_tasks::Episodes;
+use nerd_train::evaluate::{Gaps, quantities};
+use nerd_train::ppo::{Actor, Running};
+use nerd_train::replay::{Replay, poses};
+
+use super::Ask;
+use crate::prelude::*;
+
+/// Stiffness of the hand over the robot's mass (1/s^2); its damping is critical for that mass.
+const PULL: f64 = 60.0;
+
+/// Who gives the torques.
+pub enum Act {
+    /// Nobody, or the robot's own law towards its rest pose.
+    Alone(Simulation),
+    /// A policy in its task.
+    Policy(Box<(Episodes, Running, Actor)>),
+}
+
+impl Act {
+    fn simulation(&mut self) -> &mut Simulation {
+        match self {
+            Self::Alone(simulation) => simulation,
+            Self::Policy(played) => &mut played.0.simulation,
+        }
+    }
+
+    fn seconds(&self) -> f64 {
+        match self {
+            Self::Alone(simulation) => simulation.batch.system.frame_time,
+            Self::Policy(played) => played.0.simulation.batch.system.frame_time * played.0.task.frames() as f64,
+        }
+    }
+}
+
+/// What is shown, and does as it is asked.
+pub struct World {
+    act: Act,
+    start: Vec<f64>,
+    settings: Vec<Setting>,
+    solver: usize,
+    truth: Setting,
+    ghost: Option<Simulation>,
+    gaps: Gaps,
+    controller: Controller,
+    hold: bool,
+    paused: bool,
+    pull: Option<(usize, Vector3<f64>, Vector3<f64>)>,
+    frame: u64,
+    /// Microseconds of the last frame: of the solver, of the ghost.
+    cost: [f64; 2],
+    trouble: String,
+}
+
+/// The latest frame, for the page.
+#[derive(Clone, Debug, Serialize)]
+pub struct Shown {
+    /// Frames since the start.
+    pub frame: u64,
+    /// Poses by link: of the robot, and of its ghost if there is one.
+    pub tracks: Vec<Vec<[f32; 7]>>,
+    /// Distance of the ghost: mean |dq| over position, orientation and joints (m and rad), as `evaluate` has it.
+    pub apart: Option<f64>,
+    /// Microseconds a frame: of the solver, of the ghost.
+    pub cost: [f64; 2],
+    /// Place of the solver in the list.
+    pub solver: usize,
+    /// Whether it stands still.
+    pub paused: bool,
+    /// What went wrong last, in a line.
+    pub trouble: String,
+}
+
+impl World {
+    /// A world that begins with the first of `settings`.
+    ///
+    /// # Errors
+    /// If that solver cannot be made.
+    pub fn new(mut act: Act, settings: Vec<Setting>) -> Result<Self> {
+        let simulation = act.simulation();
+        let system = simulation.batch.system.clone();
+        let Some(first) = settings.first() else { bail!("no solver is named") };
+        simulation.solver = first.solver(&system)?;
+        Ok(Self {
+            start: simulation.batch.states.clone(),
+            settings,
+            solver: 0,
+            truth: system.spec.truth.into(),
+            ghost: None,
+            gaps: Gaps::new(&system),
+            controller: Controller::new(&system),
+            hold: true,
+            paused: false,
+            pull: None,
+            frame: 0,
+            cost: [0.0; 2],
+            trouble: String::new(),
+            act,
+        })
+    }
+
+    /// Seconds from one look to the next: a frame, or a policy's step.
+    pub fn pace(&self) -> f64 {
+        self.act.seconds()
+    }
+
+    /// What the page begins with: robot and scene for the painter, names of the solvers, friction and gravity (m/s^2).
+    pub fn page(&mut self, title: &str) -> serde_json::Value {
+        let pace = self.pace();
+        let solvers: Vec<_> = self.settings.iter().map(ToString::to_string).collect();
+        let batch = &self.act.simulation().batch;
+        let (friction, gravity) = (batch.system.spec.material.friction, batch.scenes[0].gravity.norm());
+        serde_json::json!({ "robot": Replay::new(title, batch, pace), "solvers": solvers, "friction": friction, "gravity": gravity })
+    }
+
+    /// Whether it stands still.
+    pub fn paused(&self) -> bool {
+        self.paused
+    }
+
+    /// Does what is asked; what cannot be done is said in [`Shown::trouble`].
+    pub fn answer(&mut self, ask: Ask) {
+        let done = match ask {
+            Ask::Pause { to } => Ok(self.paused = to),
+            Ask::Step {} => Ok(self.step()),
+            Ask::Reset {} => self.reset(),
+            Ask::Solver { to } => self.swap(to),
+            Ask::Ghost { to } => self.haunt(to),
+            Ask::Hold { to } => Ok(self.hold = to),
+            Ask::Friction { to } => self.rub(to),
+            Ask::Gravity { to } => Ok(self.weigh(to)),
+            Ask::Drag { link, local, target } => self.grasp(link, local.into(), target.into()),
+            Ask::Release {} => Ok(self.pull = None),
+        };
+        if let Err(error) = done {
+            self.trouble = format!("{error:#}");
+        }
+    }
+
+    /// One frame, or a policy's step. A solver that cannot go on stops the world.
+    pub fn step(&mut self) {
+        self.trouble.clear();
+        if let Err(error) = self.advance() {
+            (self.trouble, self.paused) = (error.to_string(), true);
+        }
+    }
+
+    fn advance(&mut self) -> Result<(), StepError> {
+        let pulled = self.pulled();
+        let began = Instant::now();
+        let torques = match &mut self.act {
+            Act::Alone(simulation) => {
+                let mut torques = vec![0.0; simulation.batch.system.robot.joint_count()];
+                if self.hold {
+                    let rest = vec![0.0; torques.len()];
+                    self.controller.torques(simulation.batch.state(0), &rest, &mut torques);
+                }
+                simulation.step(&torques)?;
+                torques
+            }
+            Act::Policy(played) => {
+                let (episodes, running, actor) = &mut **played;
+                let actions = actor.mean(&running.stack.rows);
+                let (_, ended) = running.step(episodes, &actions, &mut Vec::new())?;
+                let torques = episodes.trace().torques;
+                if !ended.is_empty() {
+                    self.ghost = self.ghost.take().map(|ghost| begun(ghost, &episodes.simulation.batch));
+                    self.frame = 0;
+                    return Ok(());
+                }
+                torques
+            }
+        };
+        self.cost[0] = 1e6 * began.elapsed().as_secs_f64();
+        self.frame += 1;
+        let Some(ghost) = &mut self.ghost else { return Ok(()) };
+        if let Some((force, link, local)) = pulled {
+            let seconds = self.act.seconds();
+            push(&mut ghost.batch, link, local, force * seconds);
+        }
+        let began = Instant::now();
+        let joints = ghost.batch.system.robot.joint_count().max(1);
+        if torques.is_empty() {
+            ghost.step(&[])?;
+        }
+        torques.chunks_exact(joints).try_for_each(|torques| ghost.step(torques))?;
+        self.cost[1] = 1e6 * began.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// The hand's push at the robot, before the frame; its force, so that the ghost feels the same.
+    fn pulled(&mut self) -> Option<(Vector3<f64>, usize, Vector3<f64>)> {
+        let (link, local, target) = self.pull?;
+        let seconds = self.act.seconds();
+        let batch = &mut self.act.simulation().batch;
+        let robot = &batch.system.robot;
+        let (q, qd) = robot.split(batch.state(0));
+        let frame = fixed(link, local);
+        let place = robot.pose(batch.state(0), &frame).translation.vector;
+        let speed = robot.velocity(q, &qd.to_local(robot, q), &frame).lin;
+        let mass: f64 = robot.links.iter().map(|l| l.inertia.mass).sum();
+        let force = ((target - place) * PULL - speed * (2.0 * PULL.sqrt())) * mass;
+        push(batch, link, local, force * seconds);
+        Some((force, link, local))
+    }
+
+    fn reset(&mut self) -> Result<()> {
+        match &mut self.act {
+            Act::Alone(simulation) => simulation.reset(0, &self.start),
+            Act::Policy(played) => {
+                let (episodes, running, actor) = &mut **played;
+                episodes.begin(0)?;
+                *running = Running::new(episodes, actor.policy.shape.stack);
+            }
+        }
+        (self.frame, self.pull) = (0, None);
+        self.haunt(self.ghost.is_some())
+    }
+
+    fn swap(&mut self, to: usize) -> Result<()> {
+        let Some(setting) = self.settings.get(to) else { bail!("there is no solver {to}; there are {}", self.settings.len()) };
+        let simulation = self.act.simulation();
+        simulation.solver = setting.solver(&simulation.batch.system)?;
+        simulation.batch.forces.clear();
+        self.solver = to;
+        Ok(())
+    }
+
+    fn haunt(&mut self, to: bool) -> Result<()> {
+        let batch = self.act.simulation().batch.clone();
+        let make = || Ok::<_, Error>(Simulation::new(Batch { forces: Vec::new(), ..batch.clone() }, self.truth.solver(&batch.system)?));
+        self.ghost = to.then(make).transpose()?;
+        Ok(())
+    }
+
+    fn rub(&mut self, friction: f64) -> Result<()> {
+        let ghost = self.ghost.as_mut().map(|ghost| &mut ghost.batch);
+        for batch in [Some(&mut self.act.simulation().batch), ghost].into_iter().flatten() {
+            let mut system = (*batch.system).clone();
+            system.spec.material.friction = friction;
+            let mut scene = (*batch.scenes[0]).clone();
+            scene.colliders.iter_mut().for_each(|body| body.material.friction = friction);
+            (batch.system, batch.scenes[0]) = (system.into(), scene.into());
+        }
+        // What solvers have prepared is of the old robot.
+        self.swap(self.solver)?;
+        if let Some(ghost) = &mut self.ghost {
+            ghost.solver = self.truth.solver(&ghost.batch.system)?;
+        }
+        Ok(())
+    }
+
+    fn weigh(&mut self, gravity: f64) {
+        let ghost = self.ghost.as_mut().map(|ghost| &mut ghost.batch);
+        for batch in [Some(&mut self.act.simulation().batch), ghost].into_iter().flatten() {
+            let mut scene = (*batch.scenes[0]).clone();
+            let down = scene.gravity.try_normalize(0.0).unwrap_or(-Vector3::z());
+            scene.gravity = down * gravity.max(1e-9);
+            batch.scenes[0] = scene.into();
+        }
+    }
+
+    fn grasp(&mut self, link: usize, local: Vector3<f64>, target: Vector3<f64>) -> Result<()> {
+        let links = self.act.simulation().batch.system.robot.links.len();
+        if link >= links {
+            bail!("there is no link {link}; the robot has {links}");
+        }
+        self.pull = Some((link, local, target));
+        Ok(())
+    }
+
+    /// As it is now.
+    pub fn shown(&mut self) -> Shown {
+        let now = self.act.simulation().batch.states.clone();
+        let apart = self.ghost.as_ref().map(|ghost| {
+            let mut gaps = vec![0.0; quantities(&ghost.batch.system).len()];
+            self.gaps.between(&now, ghost.batch.state(0), &mut gaps);
+            mean(&gaps)
+        });
+        let batch = &self.act.simulation().batch;
+        let tracks = std::iter::once(batch).chain(self.ghost.as_ref().map(|ghost| &ghost.batch)).map(poses).collect();
+        let Self { frame, cost, solver, paused, ref trouble, .. } = *self;
+        Shown { frame, tracks, apart, cost, solver, paused, trouble: trouble.clone() }
+    }
+}
+
+/// A place on a link.
+fn fixed(link: usize, local: Vector3<f64>) -> FixedFrame {
+    FixedFrame { name: String::new(), link: Some(link), pose: Isometry3::from_parts(local.into(), Default::default()) }
+}
+
+/// Pushes at a point of a link (m, its axes): velocities change by `M^-1 J^T impulse` (N s, world axes), so that any solver feels it.
+fn push(batch: &mut Batch, link: usize, local: Vector3<f64>, impulse: Vector3<f64>) {
+    let system = batch.system.clone();
+    let (robot, mut data) = (&system.robot, system.data());
+    let (q, qd) = robot.split_mut(batch.state_mut(0));
+    let jacobian = data.jacobian(robot, q, &fixed(link, local), Axes::World);
+    let along: DVector<f64> = jacobian.fixed_rows::<3>(3).tr_mul(&impulse);
+    let mass = data.mass_matrix(robot, q).clone();
+    let Some(change) = mass.cholesky().map(|mass| mass.solve(&along)) else { return };
+    let mut local = qd.into_local(robot, q);
+    local.accelerate(change.iter(), 1.0);
+    local.into_twist(robot, q);
+}
+
+/// A ghost that begins where `batch` is.
+fn begun(mut ghost: Simulation, batch: &Batch) -> Simulation {
+    ghost.reset(0, batch.state(0));
+    ghost
+}

@@ -1,0 +1,169 @@
+//! The live page: what a visitor asks is done, whatever else visitors send.
+
+use std::io::{Read, Write};
+use std::net::TcpStream;
+use std::time::{Duration, Instant};
+
+use nerd_lab::live::{Act, Ask, Live, World};
+use nerd_model::pick::Setting;
+use nerd_sim::prelude::*;
+use nerd_train::evaluate::Gaps;
+
+/// An Ant over its ground that hangs, under the truth and two cheaper solvers.
+fn ant() -> World {
+    let system = System::named("ant").expect("built in");
+    let mut batch = Batch::new(&system, &system.scene("ground").expect("its ground"), 1);
+    batch.reset(0, &system.default_state());
+    let simulation = Simulation::new(batch, Articulated::new(ArticulatedConfig::accurate(&system)));
+    let settings = vec![Setting::Accurate, Setting::Implicit(1), Setting::RapierSteps(4)];
+    let mut world = World::new(Act::Alone(simulation), settings).expect("a solver");
+    world.answer(Ask::Hold { to: false });
+    world
+}
+
+/// Steps, and where the robot's root is.
+fn steps(world: &mut World, n: usize) -> [f32; 3] {
+    (0..n).for_each(|_| world.step());
+    let shown = world.shown();
+    assert!(shown.trouble.is_empty(), "{}", shown.trouble);
+    std::array::from_fn(|k| shown.tracks[0][0][k])
+}
+
+#[test]
+fn a_swap_keeps_the_state_and_the_ghost_says_how_far_the_solver_is() {
+    let mut world = ant();
+    let before = steps(&mut world, 20);
+    world.answer(Ask::Ghost { to: true });
+    world.answer(Ask::Solver { to: 1 });
+    let after = steps(&mut world, 0);
+    assert_eq!(before, after, "a swap moves the robot");
+    assert_eq!(world.shown().apart, Some(0.0), "a ghost begins where the robot is");
+    // The same by hand: both solvers from the same state, under no torques.
+    let system = System::named("ant").expect("built in");
+    let mut batch = Batch::new(&system, &system.scene("ground").expect("its ground"), 1);
+    batch.reset(0, &system.default_state());
+    let mut truth = Simulation::new(batch, Articulated::new(ArticulatedConfig::accurate(&system)));
+    let none = vec![0.0; system.robot.joint_count()];
+    (0..20).for_each(|_| truth.step(&none).expect("a frame"));
+    let mut cheap = Simulation::new(truth.batch.clone(), Articulated::new(ArticulatedConfig::implicit(1, Friction::Coulomb)));
+    (0..30).for_each(|_| truth.step(&none).and_then(|()| cheap.step(&none)).expect("a frame"));
+    let mut gaps = vec![0.0; 2 + system.robot.joint_count()];
+    Gaps::new(&system).between(cheap.batch.state(0), truth.batch.state(0), &mut gaps);
+    let by_hand = gaps.iter().sum::<f64>() / gaps.len() as f64;
+    steps(&mut world, 30);
+    let apart = world.shown().apart.expect("a ghost");
+    assert!(by_hand > 1e-6 && (apart - by_hand).abs() < 1e-12, "the ghost is {apart} away, by hand {by_hand}");
+}
+
+#[test]
+fn a_hand_lifts_the_robot_under_every_solver_and_gravity_brings_it_down() {
+    let up = -System::named("ant").expect("built in").gravity().normalize();
+    let height = |place: [f32; 3]| up.dot(&Vector3::from(place.map(f64::from)));
+    for solver in 0..3 {
+        let mut world = ant();
+        world.answer(Ask::Solver { to: solver });
+        let lies = steps(&mut world, 60);
+        let target = Vector3::from(lies.map(f64::from)) + up;
+        world.answer(Ask::Drag { link: 0, local: [0.0; 3], target: target.into() });
+        let held = height(steps(&mut world, 180));
+        // A spring whose stiffness is 60 times the mass gives by g / 60 under the weight: 0.164 m.
+        let (sag, law) = (1.0 - (held - height(lies)), 9.81 / 60.0);
+        assert!((sag - law).abs() < 0.03, "solver {solver}: the robot hangs {sag} m below the hand, by the spring's law {law}");
+        world.answer(Ask::Release {});
+        let down = height(steps(&mut world, 120));
+        assert!(down < held - 0.5, "solver {solver}: released it is at {down}, held at {held}");
+        world.answer(Ask::Gravity { to: 0.0 });
+        world.answer(Ask::Reset {});
+        let first = height(steps(&mut world, 0));
+        let still = height(steps(&mut world, 60));
+        assert!(still >= first - 1e-3, "solver {solver}: without gravity it fell from {first} to {still}");
+    }
+}
+
+#[test]
+fn what_cannot_be_asked_is_refused_in_a_line() {
+    for (text, of) in [
+        ("", "EOF"),
+        ("[]", "do"),
+        (r#"{"do":"jump"}"#, "jump"),
+        (r#"{"do":"gravity"}"#, "to"),
+        (r#"{"do":"gravity","to":1e9}"#, "gravity"),
+        (r#"{"do":"friction","to":-1}"#, "friction"),
+        (r#"{"do":"drag","link":0,"local":[0,0,0],"target":[0,0,1e9]}"#, "drag"),
+        (r#"{"do":"pause","to":true,"more":1}"#, "more"),
+    ] {
+        let error = Ask::read(text).expect_err(text);
+        assert!(error.contains(of) && !error.contains('\n'), "`{text}`: {error}");
+    }
+    let mut world = ant();
+    for ask in [Ask::Solver { to: 99 }, Ask::Drag { link: 99, local: [0.0; 3], target: [0.0; 3] }] {
+        world.answer(ask);
+        assert!(world.shown().trouble.contains("99"), "{}", world.shown().trouble);
+        steps(&mut world, 1);
+    }
+}
+
+/// What comes back on one connection.
+fn send(address: &str, text: &str) -> String {
+    let mut stream = TcpStream::connect(address.trim_start_matches("http://")).expect("a connection");
+    stream.set_read_timeout(Some(Duration::from_secs(2))).expect("a limit");
+    // A server may hang up on nonsense before all of it is written.
+    let _ = stream.write_all(text.as_bytes());
+    let mut answer = Vec::new();
+    let _ = stream.read_to_end(&mut answer);
+    String::from_utf8_lossy(&answer).into_owned()
+}
+
+fn post(address: &str, kind: &str, body: &str) -> String {
+    let (host, length) = (address.trim_start_matches("http://"), body.len());
+    send(
+        address,
+        &format!("POST /ask HTTP/1.1\r\nHost: {host}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n{body}"),
+    )
+}
+
+fn get(address: &str, path: &str, host: &str) -> String {
+    send(address, &format!("GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n"))
+}
+
+#[test]
+fn hostile_visitors_and_a_hundred_at_once_end_nothing() {
+    let live = Live::serve(ant(), "ant <in> ground", 0).expect("a port");
+    let address = live.address();
+    let host = address.trim_start_matches("http://").to_string();
+    assert!(host.starts_with("127.0.0.1:"), "it listens at {host}");
+    let page = get(&address, "/", &host);
+    assert!(page.starts_with("HTTP/1.1 200") && page.contains("ant &lt;in&gt; ground") && page.contains("\"solvers\""), "{page:.300}");
+    for (answer, code) in [
+        (get(&address, "/", "evil.example:80"), 403),
+        (get(&address, "/state", "evil.example"), 403),
+        (get(&address, "/etc/passwd", &host), 404),
+        (post(&address, "text/plain", r#"{"do":"reset"}"#), 415),
+        (post(&address, "application/json", "{"), 400),
+        (post(&address, "application/json", &format!("\"{}\"", "x".repeat(100_000))), 400),
+        (post(&address, "application/json", r#"{"do":"solver","to":1}"#), 200),
+    ] {
+        assert!(answer.starts_with(&format!("HTTP/1.1 {code}")), "for {code}: {answer:.200}");
+    }
+    for nonsense in ["", "\0\0\0\0", "GET / HTTP/9.9\r\n\r\n", "POST /ask HTTP/1.1\r\nContent-Length: -1\r\n\r\n"] {
+        send(&address, nonsense);
+    }
+    // Those who connect, ask and are gone; those who connect and say nothing.
+    let mute: Vec<_> = (0..50).map(|_| TcpStream::connect(&host).expect("a connection")).collect();
+    for _ in 0..50 {
+        let mut stream = TcpStream::connect(&host).expect("a connection");
+        stream.write_all(format!("GET / HTTP/1.1\r\nHost: {host}\r\n\r\n").as_bytes()).expect("asked");
+    }
+    let frame = |text: &str| text.split("\"frame\":").nth(1).and_then(|rest| rest.split(',').next()?.parse::<u64>().ok());
+    let before = frame(&get(&address, "/state", &host)).expect("a frame");
+    let began = Instant::now();
+    let seen: Vec<_> = std::thread::scope(|scope| {
+        let visitors: Vec<_> = (0..100).map(|_| scope.spawn(|| get(&address, "/state", &host))).collect();
+        visitors.into_iter().map(|visitor| visitor.join().expect("no panic")).collect()
+    });
+    assert!(seen.iter().all(|text| frame(text).is_some()), "somebody of a hundred got no frame");
+    std::thread::sleep(Duration::from_millis(100).saturating_sub(began.elapsed()));
+    let after = get(&address, "/state", &host);
+    assert!(frame(&after) > Some(before) && after.contains("\"solver\":1"), "from frame {before} on: {after:.300}");
+    drop(mute);
+}
