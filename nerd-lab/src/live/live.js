@@ -18,8 +18,11 @@ function live({ robot, solvers, friction, gravity }) {
   // Distance of the ghost (filled) and microseconds of both, over the last frames, each from 0 to its own largest.
   function figures() {
     const context = drawn.getContext("2d"), scale = size(drawn);
-    const rows = [["#b8450f", p => p.apart || 0], ["#2b6cb0", p => p.cost[0]], ["#8a94a3", p => p.cost[1]]];
-    rows.forEach(([colour, of], row) => {
+    const rows = [["distance", "#b8450f", p => p.apart || 0], ["solver's time", "#2b6cb0", p => p.cost[0]], ["ghost's time", "#8a94a3", p => p.cost[1]]];
+    rows.forEach(([name, colour, of], row) => {
+      context.fillStyle = colour;
+      context.font = `${11 * scale}px sans-serif`;
+      context.fillText(name, 8 * scale, (14 + 14 * row) * scale);
       const most = Math.max(1e-9, ...past.map(of), ...(row ? past.map(p => Math.max(...p.cost)) : []));
       context.strokeStyle = colour;
       context.lineWidth = 1.5 * scale;
@@ -32,6 +35,7 @@ function live({ robot, solvers, friction, gravity }) {
     by("trouble").textContent = state.trouble;
     by("pause").textContent = state.paused ? "Play" : "Pause";
     by("solver").value = state.solver;
+    [by("ghost").checked, by("hold").checked] = [state.apart !== null, state.hold];
   }
 
   function paint() {

@@ -71,6 +71,8 @@ pub struct Shown {
     pub solver: usize,
     /// Whether it stands still.
     pub paused: bool,
+    /// Whether joints without a policy hold the rest pose.
+    pub hold: bool,
     /// What went wrong last, in a line.
     pub trouble: String,
 }
@@ -283,8 +285,8 @@ impl World {
         });
         let batch = &self.act.simulation().batch;
         let tracks = std::iter::once(batch).chain(self.ghost.as_ref().map(|ghost| &ghost.batch)).map(poses).collect();
-        let Self { frame, cost, solver, paused, ref trouble, .. } = *self;
-        Shown { frame, tracks, apart, cost, solver, paused, trouble: trouble.clone() }
+        let Self { frame, cost, solver, paused, hold, ref trouble, .. } = *self;
+        Shown { frame, tracks, apart, cost, solver, paused, hold, trouble: trouble.clone() }
     }
 }
 
