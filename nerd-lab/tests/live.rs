@@ -118,7 +118,9 @@ fn post(address: &str, kind: &str, body: &str) -> String {
     let (host, length) = (address.trim_start_matches("http://"), body.len());
     send(
         address,
-        &format!("POST /ask HTTP/1.1\r\nHost: {host}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n{body}"),
+        &format!(
+            "POST /ask HTTP/1.1\r\nHost: {host}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n{body}"
+        ),
     )
 }
 

@@ -7,7 +7,7 @@ use nerd_train::shipped::root;
 const GROUPS: [(&str, &[&str]); 5] = [
     ("Data", &["dataset", "inspect", "urdf"]),
     ("Learn", &["train", "calibrate"]),
-    ("Measure", &["rollout", "evaluate", "chart", "stability", "measure", "reproduce"]),
+    ("Measure", &["rollout", "live", "evaluate", "chart", "stability", "measure", "reproduce"]),
     ("Policies", &["policy"]),
     ("Project", &["list", "results", "report", "campaign", "check"]),
 ];
