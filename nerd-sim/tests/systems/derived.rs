@@ -132,6 +132,22 @@ fn what_stands_keeps_its_feet() {
 }
 
 /// A cylinder as a robot, from a coin to a column: some start is clear of the ground.
+/// Gaps are counted from the middles of balls, and those of small feet are nearer to the ground than a belly is large.
+#[test]
+fn small_feet_beside_a_large_belly_start_clear_of_the_ground() {
+    let [foot, belly] = [([0.0, 0.0, -0.3], 0.02), ([0.0; 3], 0.28)].map(|(at, r)| collision(at, &format!("<sphere radius=\"{r}\"/>")));
+    let text = table(1.0, &foot).replacen("</link>", &format!("{belly}</link>"), 1);
+    let system = read(&text, None).expect("a robot with starts");
+    let (ground, mut data, mut events) = (system.scene("plane").expect("a plane"), system.data(), Vec::new());
+    for k in 0..50 {
+        let state = start(&system, Start::Reset, &mut stream(1, k));
+        contacts(&system.robot, &ground, &state, &mut data, &mut events);
+        let gaps = events.iter().zip(&system.robot.contact_points).map(|(event, point)| event.distance - point.radius);
+        let low = gaps.fold(f64::INFINITY, f64::min);
+        assert!((0.0..0.4).contains(&low), "start {k}: {low} m over the ground");
+    }
+}
+
 #[test]
 fn a_cylinder_alone_is_a_robot() {
     for length in [0.005, 0.1, 0.12, 0.15, 1.0] {

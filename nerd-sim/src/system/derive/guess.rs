@@ -135,6 +135,10 @@ pub(crate) fn derived(
     ));
     let beneath = robot.contact_points.iter().zip(&lows).filter(|(_, at)| **at < low + NEAR * extent);
     let round = beneath.map(|(p, _)| p.radius).fold(0.0, f64::max);
+    let clearance = round + rounded(GIVE * extent);
+    // Of balls of several sizes the smaller ones have their middles nearer to the ground than that.
+    let middles = robot.contact_points.iter().zip(&lows).map(|(p, at)| at - low + p.radius);
+    let lift = (clearance - middles.fold(clearance, f64::min)).max(0.0);
     let height = file.floor + if low.is_finite() { state.get(2).copied().unwrap_or(0.0) - low } else { 0.0 };
     let gain = stiffness(weight, extent, false);
     let control = ControlSpec {
@@ -173,7 +177,7 @@ pub(crate) fn derived(
         random_plane: (touches && !floating).then_some(RandomPlane { reach: rounded(extent), clearance: rounded(0.01 * extent) }),
         data_scene: (touches && floating).then(|| "plane".into()),
         control: driven.then_some(control),
-        root: floating.then(|| root(height, file.quaternion, extent, touches.then_some(round))),
+        root: floating.then(|| root(height, file.quaternion, [extent, lift], touches.then_some(clearance))),
         joints,
         contacts,
         ..plain(robot)
@@ -215,10 +219,9 @@ fn material(weight: f64, extent: f64, points: f64) -> Material {
     }
 }
 
-/// `round` is the largest radius of a contact point near the ground, from whose middle gaps are counted; none where nothing touches.
-fn root(height: f64, quaternion: [f64; 4], extent: f64, round: Option<f64>) -> RootSpec {
-    let clearance = round.map(|radius| radius + rounded(GIVE * extent));
-    let above = |share: f64| [Range::default(), Range::default(), Range { low: height, high: height + share * extent }];
+/// `clearance` counts gaps from the middles of balls, none where nothing touches; a start that keeps it is higher than the pose by `lift` at least.
+fn root(height: f64, quaternion: [f64; 4], [extent, lift]: [f64; 2], clearance: Option<f64>) -> RootSpec {
+    let above = |share: f64| [Range::default(), Range::default(), Range { low: height, high: height + lift + share * extent }];
     RootSpec {
         position: [0.0, 0.0, height],
         quaternion,
