@@ -176,10 +176,10 @@ fn is_the_same(compiler: &Compiler, name: &str, system: &Arc<System>) -> bool {
     ];
     if let Some((at, levels)) = task.levels() {
         let level = |goals: &[f64], env: usize| (goals[env * task.goal_dim() + at] * levels as f64).round();
-        for env in 0..N {
+        for (env, end) in ends.iter().enumerate() {
             let [was, is] = [&begun.goals, &after.goals].map(|goals| level(goals, env));
-            let up = if ends[env] == 1 { -1.0 } else { f64::from(u8::from(ends[env] == 2 && env % 2 == 0)) };
-            assert_eq!(is, (was + up).clamp(1.0, levels as f64), "{name}: environment {env}, ended by {}", ends[env]);
+            let up = if *end == 1 { -1.0 } else { f64::from(u8::from(*end == 2 && env % 2 == 0)) };
+            assert_eq!(is, (was + up).clamp(1.0, levels as f64), "{name}: environment {env}, ended by {end}");
         }
         assert!(LATE.iter().all(|env| ends[*env] == 2), "{name}: {ends:?}");
     }
