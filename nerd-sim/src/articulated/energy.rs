@@ -31,6 +31,8 @@ pub(super) const LABOUR: f64 = 1e-3;
 pub(super) const FALL: f64 = 1e-3;
 /// Substeps from which on a frame is not refined.
 pub(super) const FINEST: usize = 1024;
+/// The same on terrain: from cell to cell a ball's distance jumps, and what its spring gains by that no substep is short enough for.
+pub(super) const ROUGHEST: usize = 8;
 /// Turn (rad, or way in m) of a joint in a substep from which on the energy is looked at.
 pub(super) const WHIRL: f64 = 0.015;
 /// The same of Runge-Kutta's.
@@ -65,7 +67,8 @@ impl Workspace {
         let (mut most, mut times) = (SHARE * before.lively.max(after.lively) + LABOUR * effort + FALL * fallen, 1);
         // What is no number is too much.
         let within = |most: f64| gain <= most;
-        while !within(most) && times * substeps < FINEST {
+        let finest = if scene.terrain().is_some() { ROUGHEST } else { FINEST };
+        while !within(most) && times * substeps < finest {
             (most, times) = (4.0 * most, 2 * times);
         }
         Ok(times)

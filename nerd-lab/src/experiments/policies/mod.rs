@@ -143,7 +143,7 @@ impl Policies {
             policy: name,
             trained_in: config.solver,
             truth: home.title()?,
-            fell: self.family.is_some().then_some(fell),
+            fell: (self.family.is_some() || !nerd_tasks::names().contains(&task.as_str())).then_some(fell),
             model: learned.is_some().then(|| from_root(&model)),
             games: self.games,
             rewards: Compared::of(&real, learned.as_deref()),

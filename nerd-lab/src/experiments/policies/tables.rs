@@ -19,7 +19,7 @@ pub struct Row {
     pub half: Option<f64>,
     #[serde(flatten)]
     pub rewards: Compared,
-    /// On robots of a family: share of games that were over before their time.
+    /// On robots of a family, and of tasks for any robot: share of games that were over before their time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fell: Option<f64>,
 }

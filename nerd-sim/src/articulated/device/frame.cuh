@@ -80,8 +80,10 @@ BIG int refine(Work& w, const double* state, const double* tau, const double* sc
     const double gain = after.lively - before.lively + (after.high - before.high) - work;
     const double lively = before.lively > after.lively ? before.lively : after.lively;
     double allowed = SHARE * lively + LABOUR * effort + FALL * fallen;
+    bool terrain = false;
+    for (int c = 0; FIELDS && c < w.surfaces; c++) terrain = terrain || w.surface[c].kind == 4;
     int times = 1;
-    for (; !(gain <= allowed) && times * substeps < FINEST; times *= 2) allowed *= 4;
+    for (; !(gain <= allowed) && times * substeps < (terrain ? ROUGHEST : FINEST); times *= 2) allowed *= 4;
     return times;
 }
 

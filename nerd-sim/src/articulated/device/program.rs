@@ -4,7 +4,7 @@
 
 use nerd_core::dynamics::Factor;
 
-use super::super::energy::{FALL, FINEST, LABOUR, SHARE, WHIRL, WHIRL_RK4};
+use super::super::energy::{FALL, FINEST, LABOUR, ROUGHEST, SHARE, WHIRL, WHIRL_RK4};
 use super::super::implicit::{CALM, HALVINGS};
 use super::super::kick::{LOST as FAR_OFF, OFF, PASSES, SETTLED};
 use super::super::stiff::{MOST, MOST_DRAG, MOST_RK4, POWERS};
@@ -108,6 +108,7 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
         ("CONTACT_SUBSTEPS", config.contact_substeps),
         ("HALVINGS", HALVINGS),
         ("FINEST", FINEST),
+        ("ROUGHEST", ROUGHEST),
         ("FOLDS", system.folds.pairs.len()),
         ("PASSES", PASSES),
         ("POWERS", POWERS),
