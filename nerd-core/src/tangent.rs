@@ -81,6 +81,26 @@ pub fn numbers_back(robot: &Robot, state: &[f64], by: &[f64], slope: &mut [f64])
     }
 }
 
+/// The gradient by the numbers of a state as they stand, of what has this one in its tangent space: what [`numbers_back`] takes back to it.
+/// By a quaternion it is that of a function which does not ask for its length.
+pub fn by_numbers(robot: &Robot, state: &[f64], slope: &[f64]) -> Vec<f64> {
+    let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
+    let mut out = vec![0.0; nq + nv];
+    out[coords..nq].copy_from_slice(&slope[dofs..nv]);
+    out[nq + dofs..].copy_from_slice(&slope[nv + dofs..]);
+    if robot.floating() {
+        let (x, r, [a, b]) = (vector(state), quaternion(&state[3..7]), own_velocity(state, nq));
+        let [by_turn, by_way, by_a, by_b] = [0, 3, nv, nv + 3].map(|at| vector(&slope[at..]));
+        let (w, by_v) = (r * a, r * by_b);
+        let twist = r.into_inner() * Quaternion::from_imag(by_turn - a.cross(&by_a) - b.cross(&by_b)) * 2.0;
+        out[..3].copy_from_slice((r * by_way + by_v.cross(&w)).as_slice());
+        out[3..7].copy_from_slice(twist.coords.as_slice());
+        out[nq..nq + 3].copy_from_slice((r * by_a + x.cross(&by_v)).as_slice());
+        out[nq + 3..nq + 6].copy_from_slice(by_v.as_slice());
+    }
+    out
+}
+
 /// Adds to the `loads` on links, about the common origin, that of a force at a contact point. The rim of a disc turns about its axis, its
 /// deepest place does not.
 pub fn push(data: &Data, point: &ContactPoint, event: &ContactEvent, force: Vector3<f64>, loads: &mut [Wrench]) {

@@ -1,11 +1,9 @@
 //! The end of a failed command: one line, exit code 2.
 
-use std::process::ExitCode;
-
-/// Says it, and ends.
-pub fn end(words: &str) -> ExitCode {
+/// Says it; the exit code.
+pub fn end(words: &str) -> u8 {
     nerd_train::progress::last(format_args!("error: {words}"));
-    ExitCode::from(2)
+    2
 }
 
 /// clap's message without its usage.

@@ -3,6 +3,7 @@
 use super::common::*;
 use nalgebra::Vector6;
 use nerd_core::state::{difference, integrate};
+use nerd_core::tangent;
 
 const STEP: f64 = 1e-5;
 
@@ -111,5 +112,26 @@ fn a_difference_leads_where_it_says() {
         difference(&robot, &a, &there, &mut way);
         // Turns of less than half a circle come back as they were.
         assert!(gap(&way, &v.0) < 1e-12, "{way:?} is not the tangent that was followed");
+    }
+}
+
+#[test]
+fn gradients_by_numbers_are_those_of_the_tangent_space() {
+    for (robot, mut rng) in robots() {
+        let (q, qd) = state(&mut rng, &robot);
+        let (state, nv) = (whole(&robot, &q, &qd), robot.nv());
+        let [slope, change] = [0; 2].map(|_| values(&mut rng, 2 * nv, 1.0));
+        let by = tangent::by_numbers(&robot, &state, &slope);
+        let mut back = vec![0.0; 2 * nv];
+        tangent::numbers_back(&robot, &state, &by, &mut back);
+        assert!(gap(&back, &slope) < 1e-12, "{nv} DoF: there and back {:.1e}", gap(&back, &slope));
+        let [ahead, behind] = [STEP, -STEP].map(|h| {
+            let mut out = state.clone();
+            tangent::moved(&robot, &state, &change.iter().map(|x| x * h).collect::<Vec<_>>(), &mut out);
+            out
+        });
+        let along: f64 = by.iter().zip(ahead.iter().zip(&behind)).map(|(by, (a, b))| by * (a - b)).sum::<f64>() / (2.0 * STEP);
+        let wanted: f64 = slope.iter().zip(&change).map(|(s, c)| s * c).sum();
+        assert!((along - wanted).abs() < 1e-7 * (1.0 + wanted.abs()), "{nv} DoF: {along} and {wanted} along a change");
     }
 }

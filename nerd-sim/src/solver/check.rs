@@ -69,13 +69,13 @@ pub(crate) fn numbers(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -
 
 /// Ends a frame of a solver that knows no contact forces: takes over the states `next` of every environment without a fault, wraps
 /// angles, counts the frame. A state that is not finite is a fault, too; [`StepError::Environments`] has all of them.
-pub fn commit(batch: &mut Batch, next: &mut Vec<f64>, faults: &mut Vec<Fault>) -> Result<(), StepError> {
+pub fn commit(batch: &mut Batch, next: &mut [f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     batch.forces.clear();
     finish(batch, next, faults)
 }
 
 /// The same, the batch's forces being those of this frame.
-pub(crate) fn finish(batch: &mut Batch, next: &mut Vec<f64>, faults: &mut Vec<Fault>) -> Result<(), StepError> {
+pub(crate) fn finish(batch: &mut Batch, next: &mut [f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     let system = batch.system.clone();
     let d = system.robot.state_dim();
     if !next.iter().all(|x| x.is_finite()) {
@@ -88,7 +88,8 @@ pub(crate) fn finish(batch: &mut Batch, next: &mut Vec<f64>, faults: &mut Vec<Fa
     for state in next.chunks_exact_mut(d) {
         wrap_state(&system.robot, state);
     }
-    std::mem::swap(&mut batch.states, next);
+    // Into the batch's own memory, whose address others may hold (nerd-py's arrays).
+    batch.states.copy_from_slice(next);
     batch.frames.iter_mut().for_each(|f| *f += 1);
     if faults.is_empty() {
         return Ok(());

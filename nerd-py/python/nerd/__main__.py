@@ -1,0 +1,10 @@
+"""The command line: `python -m nerd VERB`."""
+
+import signal
+import sys
+
+from ._nerd import command
+
+# No Python runs while a verb does, which would notice Ctrl-C.
+signal.signal(signal.SIGINT, signal.SIG_DFL)
+sys.exit(command(["python -m nerd", *sys.argv[1:]]))

@@ -1,0 +1,97 @@
+"""The command line's verbs as functions. Each is a process of its own, so Ctrl-C ends it, and a run can be gone on with."""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections import deque
+from pathlib import Path
+
+from ._nerd import Model, Policy, System
+
+
+def _word(value):
+    return os.fspath(value) if isinstance(value, os.PathLike) else str(value)
+
+
+def run(*verb, **options):
+    """A verb with its options, `run("evaluate", robot="ant", solver="neural")`; its tables, by name, each a list of rows.
+
+    `starts=8` is `--starts 8`, `stream=True` is `--stream`, a list is joined by commas. What it tells goes to standard error.
+
+    Raises ValueError with the one line that it was refused with.
+    """
+    words = [_word(word) for word in verb]
+    for name, value in options.items():
+        if value is None or value is False:
+            continue
+        words.append("--" + name.replace("_", "-"))
+        if value is not True:
+            words.append(",".join(map(_word, value)) if isinstance(value, (list, tuple)) else _word(value))
+    command = [sys.executable, "-m", "nerd", *words, "--json"]
+    told = deque(maxlen=20)
+    with tempfile.TemporaryFile("w+") as out:
+        with subprocess.Popen(command, stdout=out, stderr=subprocess.PIPE, text=True) as process:
+            for line in process.stderr:
+                told.append(line)
+                if not line.startswith("error: "):
+                    sys.stderr.write(line)
+        out.seek(0)
+        said = out.read()
+    if process.returncode:
+        refused = [line.removeprefix("error: ").strip() for line in told if line.startswith("error: ")]
+        raise ValueError(refused[-1] if refused else f"{' '.join(words)} ended with {process.returncode}: {''.join(told)}")
+    return json.loads(said) if said.strip() else {}
+
+
+def train(robot, out, **options):
+    """Trains a model, or goes on with the run of a folder; see `python -m nerd train --help`. The model."""
+    run("train", robot=robot, out=out, **options)
+    return Model(Path(out) / "model")
+
+
+def train_policy(task, out, robot=None, **options):
+    """Trains a policy, or goes on with the run of a folder; see `python -m nerd policy train --help`. The policy."""
+    run("policy", "train", task, robot=robot, out=out, **options)
+    return Policy(Path(out) / "policy")
+
+
+def evaluate(robot, **options):
+    """How far a solver drifts from the truth; see `python -m nerd evaluate --help`. Tables, each a list of rows."""
+    return run("evaluate", robot=robot, **options)
+
+
+def record(folder, system, states, tau, scene=None, about="recorded"):
+    """Writes trajectories as a recording, which `train(data=)`, `evaluate(data=)` and `calibrate` read: `folder`/log.toml and arrays.
+
+    states: float64 [trajectories, rows, nq + nv], one row a frame; tau: float64 [trajectories, rows, joints], each held from its row
+    to the next. The last row's says nothing. system: a System or the name or path of one.
+    """
+    import numpy as np
+
+    system = system if isinstance(system, System) else System(system)
+    nq, nv, joints = system.nq, system.nv, len(system.joints)
+    states, tau = np.asarray(states, np.float64), np.asarray(tau, np.float64)
+    if states.ndim != 3 or states.shape[2] != nq + nv or tau.shape != (*states.shape[:2], joints):
+        raise ValueError(f"states {states.shape} and tau {tau.shape}: [trajectories, rows, {nq + nv}] and [.., .., {joints}] are needed")
+    q, qd, free = states[..., :nq], states[..., nq:], nq - joints
+    arrays = {"position": q[..., free:], "velocity": qd[..., nv - joints :], "torque": tau}
+    lines = [f"about = {json.dumps(about)}", 'file = "log.npz"', f"robot = {json.dumps(system.source)}"]
+    lines += [f"scene = {json.dumps(scene)}"] if scene else []
+    if free:
+        # A state has the twist about the world's origin, a log the velocity of the root's own.
+        arrays["root"] = q[..., :7]
+        arrays["root_velocity"] = qd[..., 3:6] + np.cross(qd[..., :3], q[..., :3])
+        arrays["root_angular"] = qd[..., :3]
+        names = lambda array, of: json.dumps([f"{array}.{k}" for k in of])
+        lines += ["[root]", f"position = {names('root', range(3))}", f"quaternion = {names('root', range(3, 7))}", 'order = "xyzw"']
+        lines += [f"velocity = {names('root_velocity', range(3))}", f"angular = {names('root_angular', range(3))}", 'axes = "world"']
+    for k, joint in enumerate(system.joints):
+        lines += ["[[joint]]", f"name = {json.dumps(joint)}"]
+        lines += [f'position = "position.{k}"', f'velocity = "velocity.{k}"', f'torque = "torque.{k}"']
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    np.savez_compressed(folder / "log.npz", **arrays)
+    (folder / "log.toml").write_text("\n".join(lines) + "\n")
+    return folder / "log.toml"

@@ -1,0 +1,140 @@
+"""Tasks as Gymnasium environments: one at a time (`gymnasium.make("nerd/AntRun-v0")`), or n at once (`nerd.make_vec`)."""
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from ._nerd import Task
+
+
+def make_vec(task, robot=None, n=1, *, solver="articulated", device="cpu", autoreset_mode=AutoresetMode.NEXT_STEP):
+    """n environments of a task: "ant-run", or "walk" with robot="go2.xml", or the path of a task's .toml.
+
+    solver: "articulated", "rapier", "neural" or the path of a model's folder.
+    """
+    return TaskVectorEnv(num_envs=n, task=task, robot=robot, solver=solver, device=device, autoreset_mode=autoreset_mode)
+
+
+def _spaces(task):
+    box = lambda most, width: gymnasium.spaces.Box(-most, most, (width,), np.float64)
+    return box(np.inf, task.observation), box(1.0, task.action)
+
+
+class _Seeds:
+    """What a reset draws: with a seed its first episodes, which are those of the command line, else the next ones."""
+
+    def _restart(self, seed, mask):
+        if seed is None and not self._began:
+            seed = int(self.np_random.integers(2**63 - 1))
+        if seed is not None:
+            if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or not 0 <= seed < 2**63:
+                raise ValueError(f"seed={seed!r}: one whole number from 0 to 2**63 - 1 is needed, of which each environment draws its own")
+            self._task.reset(int(seed))
+        else:
+            # What has ended is at the start of its next episode already, which nobody has seen.
+            self._task.begin(mask & ~self._fresh, self._task.numbers + 1)
+        self._began = True
+        self._fresh[mask] = False
+
+
+class TaskVectorEnv(_Seeds, VectorEnv):
+    """n environments of a task, stepped together.
+
+    Observations are float64 [n, observation], actions float64 [n, action] from -1 to 1 (beyond they are clamped). `reset(seed=)` takes
+    one whole number: environment i then goes through the episodes that it has on the command line by `--seed`. In infos `miss` has
+    by how much a step missed what the task asks for, of tasks that say so.
+    """
+
+    def __init__(self, num_envs=1, *, task, robot=None, solver="articulated", device="cpu", autoreset_mode=AutoresetMode.NEXT_STEP):
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.metadata = {"autoreset_mode": self.autoreset_mode, "render_modes": []}
+        self._task = Task(task, robot, num_envs, solver, device)
+        self.num_envs = num_envs
+        self.single_observation_space, self.single_action_space = _spaces(self._task)
+        self.observation_space, self.action_space = (
+            batch_space(space, num_envs) for space in (self.single_observation_space, self.single_action_space)
+        )
+        self._began = False
+        self._fresh = np.zeros(num_envs, bool)
+        self._ended = np.zeros(num_envs, bool)
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed if isinstance(seed, int) else None, options=options)
+        mask = (options or {}).get("reset_mask")
+        if mask is None:
+            mask = np.ones(self.num_envs, bool)
+        elif seed is not None:
+            raise ValueError("a seed is of all environments: leave reset_mask out")
+        if not isinstance(mask, np.ndarray) or mask.dtype != bool or mask.shape != (self.num_envs,) or not mask.any():
+            raise ValueError(f"reset_mask: a numpy array of bool [{self.num_envs}] is needed, true somewhere")
+        self._restart(seed, mask)
+        self._ended[mask] = False
+        return self._task.observations(), {}
+
+    def step(self, actions):
+        held = self._ended.copy()
+        mode = self.autoreset_mode
+        if not self._began:
+            raise gymnasium.error.ResetNeeded("reset() comes before the first step")
+        if held.any() and mode == AutoresetMode.DISABLED:
+            raise gymnasium.error.ResetNeeded(f"{held.sum()} environments have ended: reset(options={{'reset_mask': mask}}) comes before")
+        actions = np.array(actions, np.float64)
+        numbers = self._task.numbers
+        if held.any() and actions.shape == (self.num_envs, self._task.action):
+            actions[held] = 0.0
+        rewards, terminated, truncated, observations, misses = self._task.step(actions)
+        if held.any():
+            # All are stepped together; those that only begin in this step begin again.
+            self._task.begin(held, numbers)
+            observations[held] = self._task.observations()[held]
+            rewards[held], terminated[held], truncated[held], misses[held] = 0.0, False, False, np.nan
+        ended = terminated | truncated
+        infos = {}
+        if np.isfinite(misses).any():
+            infos["miss"], infos["_miss"] = misses, np.isfinite(misses)
+        self._fresh, self._ended = ended.copy(), ended
+        if mode == AutoresetMode.SAME_STEP:
+            if ended.any():
+                final = np.full(self.num_envs, None, object)
+                for env in np.flatnonzero(ended):
+                    final[env] = observations[env]
+                infos.update(final_obs=final, _final_obs=ended.copy(), final_info={}, _final_info=ended.copy())
+            observations = self._task.observations()
+            self._fresh, self._ended = np.zeros((2, self.num_envs), bool)
+        return observations, rewards, terminated, truncated, infos
+
+
+class TaskEnv(_Seeds, gymnasium.Env):
+    """One environment of a task: observations float64 [observation], actions float64 [action] from -1 to 1."""
+
+    metadata = {"render_modes": []}
+
+    def __init__(self, task, robot=None, solver="articulated", device="cpu", render_mode=None):
+        if render_mode is not None:
+            raise ValueError("render_mode: there is none; `python -m nerd policy show` writes an episode as a page")
+        self.render_mode = None
+        self._task = Task(task, robot, 1, solver, device)
+        self.observation_space, self.action_space = _spaces(self._task)
+        self._began = False
+        self._fresh = np.zeros(1, bool)
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self._restart(seed, np.ones(1, bool))
+        return self._task.observations()[0], {}
+
+    def step(self, action):
+        rewards, terminated, truncated, observations, misses = self._task.step(np.array(action, np.float64)[None])
+        self._fresh[:] = terminated | truncated
+        info = {"miss": float(misses[0])} if np.isfinite(misses[0]) else {}
+        return observations[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), info
+
+
+def register():
+    """Makes `nerd/AntRun-v0` and so on known: one of each built-in task; of a task for any robot, as `nerd/Walk-v0`, with robot=."""
+    for task in [*Task.names(), *Task.general()]:
+        name = "".join(part.capitalize() for part in task.split("-"))
+        gymnasium.register(
+            f"nerd/{name}-v0", entry_point="nerd.gym:TaskEnv", vector_entry_point="nerd.gym:TaskVectorEnv", kwargs={"task": task}
+        )

@@ -1,0 +1,31 @@
+"""Slopes for PyTorch: a frame of a simulation as a function that gradients go back through."""
+
+import torch
+
+from ._nerd import vjp
+
+__all__ = ["step"]
+
+
+class _Step(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx, simulation, states, tau):
+        ctx.simulation = simulation
+        ctx.save_for_backward(states, tau)
+        return torch.from_numpy(vjp(simulation, states.numpy(), tau.numpy())[0])
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, by_next):
+        states, tau = ctx.saved_tensors
+        _, by_states, by_tau = vjp(ctx.simulation, states.numpy(), tau.numpy(), by_next.contiguous().numpy())
+        return None, torch.from_numpy(by_states), torch.from_numpy(by_tau)
+
+
+def step(simulation, states, tau):
+    """The states [n, nq + nv] a frame after these, under torques [n, joints] (N m or N).
+
+    Both are tensors of float64 on the CPU, and so is the result; gradients go back to both. The simulation gives robot, scenes and
+    solver, "articulated" or a model whose network sees one frame; its own states stay as they are.
+    """
+    return _Step.apply(simulation, states, tau)

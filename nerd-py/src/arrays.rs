@@ -1,0 +1,44 @@
+//! Numbers in and out: numpy arrays that are checked, copied or made.
+
+use numpy::{Element, PyArray1, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods};
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+
+/// An array of numbers for Python.
+pub type Floats<'py> = Bound<'py, PyArrayDyn<f64>>;
+
+/// The numbers of an array of exactly this type and one of these shapes, in rows.
+///
+/// # Errors
+/// `TypeError` for another object or type of numbers, `ValueError` for another shape.
+pub fn numbers<T: Element + Copy>(what: &str, given: &Bound<'_, PyAny>, shapes: &[&[usize]]) -> PyResult<Vec<T>> {
+    let wanted = numpy::dtype::<T>(given.py());
+    let form = shapes.iter().map(|shape| format!("{shape:?}")).collect::<Vec<_>>().join(" or ");
+    let Ok(array) = given.cast::<PyUntypedArray>() else {
+        let found = given.get_type().name()?;
+        return Err(PyTypeError::new_err(format!("{what}: a numpy array of {wanted} {form} is needed, not a {found}")));
+    };
+    let Ok(array) = array.cast::<PyArrayDyn<T>>() else {
+        let found = array.dtype();
+        // Byte order is part of a type.
+        let known = if found.is_native_byteorder() == Some(false) { ", in this machine's byte order," } else { "" };
+        return Err(PyTypeError::new_err(format!(
+            "{what}: numbers of {wanted}{known} are needed, not of {found}; take .astype(\"{wanted}\")"
+        )));
+    };
+    if !shapes.contains(&array.shape()) {
+        return Err(PyValueError::new_err(format!("{what}: an array {form} is needed, not {:?}", array.shape())));
+    }
+    // One read-only array may be borrowed more than once, and one that is being written to by Rust not at all.
+    let array = array.try_readonly().map_err(|e| PyValueError::new_err(format!("{what}: {e}")))?;
+    // In rows, however it lies.
+    Ok(array.as_array().iter().copied().collect())
+}
+
+/// A new array of these numbers.
+///
+/// # Errors
+/// `ValueError` if they are not as many as the shape has.
+pub fn made<'py, T: Element>(py: Python<'py>, numbers: Vec<T>, shape: &[usize]) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+    PyArray1::from_vec(py, numbers).reshape(shape)
+}

@@ -1,0 +1,19 @@
+//! Errors of the libraries as Python's own kinds, each with its one line.
+
+use std::fmt::Display;
+
+use nerd_sim::solver::StepError;
+use pyo3::{PyErr, exceptions};
+
+/// Of what was asked for.
+pub fn value(error: impl Display) -> PyErr {
+    exceptions::PyValueError::new_err(error.to_string())
+}
+
+/// Of a step: what the solver has not is a wrong value, what it could not go on with happened at run time.
+pub fn step(error: StepError) -> PyErr {
+    match error {
+        StepError::Refused(line) => value(line),
+        other => exceptions::PyRuntimeError::new_err(other.to_string()),
+    }
+}

@@ -1,0 +1,43 @@
+//! The Python package `nerd`: objects of the libraries, with numpy arrays at the door. No physics and no training is here; what
+//! Python imports is in `python/nerd`.
+
+mod arrays;
+mod error;
+mod model;
+mod simulation;
+mod slopes;
+mod solver;
+mod system;
+mod task;
+mod threads;
+
+/// The native part of the package.
+#[pyo3::pymodule]
+mod _nerd {
+    use pyo3::prelude::*;
+
+    #[pymodule_export]
+    use crate::model::{Model, Policy};
+    #[pymodule_export]
+    use crate::simulation::Simulation;
+    #[pymodule_export]
+    use crate::slopes::{linearise, vjp};
+    #[pymodule_export]
+    use crate::system::System;
+    #[pymodule_export]
+    use crate::task::Task;
+
+    /// Finds numpy while Python imports, where Ctrl-C and its absence are Python's errors.
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.py().import("numpy")?;
+        drop(numpy::dtype::<f64>(module.py()));
+        Ok(())
+    }
+
+    /// The command line; the exit code.
+    #[pyfunction]
+    fn command(py: Python<'_>, words: Vec<std::ffi::OsString>) -> u8 {
+        py.detach(|| xtask::call(words))
+    }
+}

@@ -1,0 +1,209 @@
+//! Batches with their solver.
+
+use std::path::PathBuf;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use nerd_sim::prelude::{Batch, Start, System as Robot, start, stream};
+use nerd_sim::solver::Fault;
+use nerd_train::bounds;
+use numpy::ndarray::ArrayView2;
+use numpy::{PyArray2, PyArrayDyn};
+use pyo3::prelude::*;
+
+use crate::arrays::{Floats, made, numbers};
+use crate::error::{step, value};
+use crate::solver::Choice;
+use crate::system::{Named, System};
+use crate::threads;
+
+/// n environments of one system, and the solver that steps them. It may be used from several threads.
+///
+/// Simulation(system, scene=None, n=1, solver="articulated", device="cpu", seed=0)
+///
+/// system: a System, or its name or path. scene: a name; None is the one of the robot's data, or free space.
+/// solver: "articulated", "settled" (the same, each substep solved to its end, for exact slopes), "rapier", "neural" (the model that
+/// comes with the project) or the path of a model's folder.
+/// seed: of the starts that are drawn, here and by reset().
+///
+/// Raises ValueError, in one line, for what does not go together.
+#[pyclass(frozen, module = "nerd")]
+pub struct Simulation {
+    named: System,
+    system: Arc<Robot>,
+    n: usize,
+    /// Address of the batch's states, which solvers write to and never move.
+    states: usize,
+    seed: u64,
+    inner: Mutex<Inner>,
+}
+
+/// What one thread at a time works with.
+pub struct Inner {
+    pub simulation: nerd_sim::prelude::Simulation,
+    /// Starts drawn by environment.
+    drawn: Vec<u64>,
+    faults: Vec<Fault>,
+}
+
+impl Simulation {
+    /// Works without Python's lock, on this thread alone.
+    pub fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut Inner) -> T + Send) -> PyResult<T> {
+        threads::here(self.n)?;
+        Ok(py.detach(|| work(&mut self.inner.lock().unwrap_or_else(PoisonError::into_inner))))
+    }
+
+    /// The robot.
+    pub fn robot(&self) -> &Robot {
+        &self.system
+    }
+
+    /// Environments.
+    pub fn len(&self) -> usize {
+        self.n
+    }
+
+    /// Torques, states.
+    pub fn widths(&self) -> [usize; 2] {
+        [self.system.robot.joint_count(), self.system.robot.state_dim()]
+    }
+}
+
+#[pymethods]
+impl Simulation {
+    #[new]
+    #[pyo3(signature = (system, scene=None, n=1, solver=PathBuf::from("articulated"), device="cpu", seed=0))]
+    fn new(py: Python<'_>, system: Named, scene: Option<&str>, n: usize, solver: PathBuf, device: &str, seed: u64) -> PyResult<Self> {
+        let named = system.read()?;
+        let system = named.system.clone();
+        let choice = Choice::new(solver, device)?;
+        if !bounds::STARTS.contains(&(n as u64)) {
+            return Err(value(format!("n={n}: from {} to {} environments", bounds::STARTS.start(), bounds::STARTS.end())));
+        }
+        // Twice the states, forces, and what a solver keeps of one.
+        bounds::memory(&[("n", n)], 32 * system.robot.state_dim() + 24 * system.robot.contact_points.len() + 1024).map_err(value)?;
+        let scene = system.scene(scene.or(system.spec.data_scene.as_deref()).unwrap_or("free")).map_err(value)?;
+        let batch = Batch::new(&system, &scene, n);
+        let simulation = nerd_sim::prelude::Simulation { batch, solver: choice.solver(&system, n)? };
+        let states = simulation.batch.states.as_ptr() as usize;
+        let inner = Inner { simulation, drawn: vec![0; n], faults: Vec::new() };
+        let made = Self { named, system, n, states, seed, inner: Mutex::new(inner) };
+        made.reset(py, None, None)?;
+        Ok(made)
+    }
+
+    /// step(tau): one frame under torques [n, joints] (N m or N), held over it, a numpy array of float64.
+    ///
+    /// Raises RuntimeError if environments could not be stepped: `faults` has them, they keep their states, all others were stepped.
+    fn step(&self, py: Python<'_>, tau: &Bound<'_, PyAny>) -> PyResult<()> {
+        let tau = numbers::<f64>("tau", tau, &[&[self.n, self.widths()[0]]])?;
+        let done = self.with(py, |inner| {
+            let done = inner.simulation.step(&tau);
+            inner.faults.clear();
+            if let Err(nerd_sim::solver::StepError::Environments(faults)) = &done {
+                inner.faults.clone_from(faults);
+            }
+            done
+        });
+        done?.map_err(step)
+    }
+
+    /// The states [q, qd], float64 [n, nq + nv]: no copy but the batch's own memory, which every step writes to. Who writes to it calls
+    /// reset() with these states after a solver that remembers ("neural").
+    #[getter]
+    fn states<'py>(this: Bound<'py, Self>) -> Bound<'py, PyArray2<f64>> {
+        let own = this.get();
+        let shape = (own.n, own.widths()[1]);
+        // SAFETY: the memory is a batch's, which lives and stays in place as long as `this`, the array's base.
+        unsafe {
+            let view = ArrayView2::from_shape_ptr(shape, own.states as *const f64);
+            PyArray2::borrow_from_array(&view, this.into_any())
+        }
+    }
+
+    /// reset(mask=None, states=None): begins anew in the environments of a mask, bool [n]; None: in all. They begin at states,
+    /// float64 [n, nq + nv] or one for all, or else as the robot's own reset ranges are drawn by the seed.
+    #[pyo3(signature = (mask=None, states=None))]
+    fn reset(&self, py: Python<'_>, mask: Option<&Bound<'_, PyAny>>, states: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+        let (n, [_, width]) = (self.n, self.widths());
+        let mask = mask.map(|mask| numbers::<bool>("mask", mask, &[&[n]])).transpose()?;
+        let states = states.map(|states| numbers::<f64>("states", states, &[&[n, width], &[width]])).transpose()?;
+        self.with(py, |Inner { simulation, drawn, .. }| {
+            for env in (0..n).filter(|env| mask.as_ref().is_none_or(|mask| mask[*env])) {
+                match &states {
+                    Some(states) => simulation.reset(env, &states[if states.len() == width { 0 } else { env * width }..][..width]),
+                    None => {
+                        let mut draws = stream(self.seed, (env as u64) << 32 | drawn[env]);
+                        drawn[env] += 1;
+                        simulation.reset(env, &start(&self.system, Start::Reset, &mut draws));
+                    }
+                }
+            }
+        })
+    }
+
+    /// poses(name): where a link or a frame is in the world, float64 [n, 7]: position (m), quaternion x y z w.
+    fn poses<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Floats<'py>> {
+        let poses = self.with(py, |inner| {
+            let all = (0..self.n).map(|env| inner.simulation.batch.pose(env, name));
+            all.map(|pose| pose.map(|p| [p.translation.vector.as_slice(), p.rotation.coords.as_slice()].concat()))
+                .collect::<Result<Vec<_>, _>>()
+        });
+        made(py, poses?.map_err(value)?.concat(), &[self.n, 7])
+    }
+
+    /// velocities(name): of a link or a frame, float64 [n, 6]: angular (rad/s), and of its origin (m/s), world axes.
+    fn velocities<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Floats<'py>> {
+        let velocities = self.with(py, |inner| {
+            let all = (0..self.n).map(|env| inner.simulation.batch.velocity(env, name));
+            all.map(|velocity| velocity.map(|v| v.vector().as_slice().to_vec())).collect::<Result<Vec<_>, _>>()
+        });
+        made(py, velocities?.map_err(value)?.concat(), &[self.n, 6])
+    }
+
+    /// contact_forces(link): mean force (N) of the scene on a moving link in the last frame, world axes, float64 [n, 3]. Raises
+    /// ValueError before the first frame and after one of a solver that tells none.
+    fn contact_forces<'py>(&self, py: Python<'py>, link: &str) -> PyResult<Floats<'py>> {
+        let forces = self.with(py, |inner| {
+            let all = (0..self.n).map(|env| inner.simulation.batch.contact_force(env, link));
+            all.map(|force| force.map(|f| f.as_slice().to_vec())).collect::<Result<Vec<_>, _>>()
+        });
+        made(py, forces?.map_err(value)?.concat(), &[self.n, 3])
+    }
+
+    /// swap(solver, device="cpu"): goes on with another solver from the same states.
+    #[pyo3(signature = (solver, device="cpu"))]
+    fn swap(&self, py: Python<'_>, solver: PathBuf, device: &str) -> PyResult<()> {
+        let choice = Choice::new(solver, device)?;
+        let solver = choice.solver(&self.system, self.n)?;
+        self.with(py, |inner| inner.simulation.solver = solver)
+    }
+
+    /// The robot.
+    #[getter]
+    fn system(&self) -> System {
+        self.named.clone()
+    }
+
+    /// Environments.
+    #[getter]
+    fn n(&self) -> usize {
+        self.n
+    }
+
+    /// Frames stepped since each environment's reset, int [n].
+    #[getter]
+    fn frames<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<u64>>> {
+        let frames = self.with(py, |inner| inner.simulation.batch.frames.clone())?;
+        made(py, frames, &[self.n])
+    }
+
+    /// Environments that the last step left where they were: (environment, frame, reason).
+    #[getter]
+    fn faults(&self, py: Python<'_>) -> PyResult<Vec<(usize, u64, String)>> {
+        self.with(py, |inner| inner.faults.iter().map(|f| (f.env, f.frame, f.reason.clone())).collect())
+    }
+
+    fn __len__(&self) -> usize {
+        self.n
+    }
+}

@@ -1,0 +1,100 @@
+//! Solvers by name.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use nerd_model::pick::Setting;
+use nerd_sim::prelude::{Articulated, ArticulatedConfig, Solver, System, Truth};
+use nerd_train::{device::Device, ppo::Arena, shipped};
+use pyo3::PyResult;
+
+use crate::error::value;
+
+/// Change (of drags, relative) at which a substep is solved, and most solves.
+const SETTLED: f64 = 1e-13;
+const SOLVES: usize = 1000;
+
+/// A solver by its name, "articulated", "settled" (the same, each substep solved to its end, for exact slopes), "rapier" or "neural" (the
+/// model that comes with the project), or by a model's folder; and where it is computed.
+pub struct Choice {
+    word: PathBuf,
+    device: Device,
+}
+
+impl Choice {
+    /// From words.
+    ///
+    /// # Errors
+    /// If this build has no such device.
+    pub fn new(word: PathBuf, device: &str) -> PyResult<Self> {
+        let device = match device {
+            "cpu" => Device::Cpu,
+            "cuda" if cfg!(feature = "cuda") => Device::Cuda,
+            "cuda" => return Err(value("device \"cuda\": this package was built without it; build it with `--features cuda`")),
+            other => return Err(value(format!("device {other:?}: choose \"cpu\" or \"cuda\""))),
+        };
+        if device != Device::Cpu && ["rapier", "settled"].into_iter().any(|name| word == Path::new(name)) {
+            return Err(value(format!("device \"cuda\": {} is on the CPU", word.display())));
+        }
+        Ok(Self { word, device })
+    }
+
+    /// The solver of a system for so many environments.
+    ///
+    /// # Errors
+    /// If there is none of that name, or its model is of another robot.
+    pub fn solver(&self, system: &Arc<System>, n: usize) -> PyResult<Box<dyn Solver>> {
+        let setting = match self.word.to_str() {
+            Some("articulated") if system.spec.truth == Truth::Paper => Setting::Paper,
+            Some("articulated") => Setting::Accurate,
+            Some("settled") => {
+                return Ok(Box::new(Articulated::new(ArticulatedConfig::accurate(system)).settling(SETTLED, SOLVES)));
+            }
+            Some("rapier") => Truth::Rapier.into(),
+            Some("neural") => {
+                let folder = found(shipped::model(system.spec.truth, &system.name), &system.name)?;
+                return self.device.neural(&folder, system, None, n).map_err(value);
+            }
+            _ => return self.device.neural(&self.folder()?, system, None, n).map_err(value),
+        };
+        #[cfg(feature = "cuda")]
+        if self.device.is_cuda() {
+            use nerd_sim::articulated::device::Real;
+            use nerd_train::learner::cuda::Precision;
+            return Ok(nerd_train::device::resident(&setting, system, Real::F32, Precision::F16).map_err(value)?);
+        }
+        setting.solver(system).map_err(value)
+    }
+
+    /// What a task's episodes run on.
+    ///
+    /// # Errors
+    /// As [`Self::solver`].
+    pub fn arena(&self, task: &str, robot: &str) -> PyResult<Arena> {
+        Ok(match self.word.to_str() {
+            #[cfg(feature = "cuda")]
+            Some("articulated") if self.device.is_cuda() => Arena::Card(Setting::Accurate),
+            Some("articulated") => Arena::Truth(Truth::Articulated),
+            Some("rapier") => Arena::Truth(Truth::Rapier),
+            Some("settled") => return Err(value("solver \"settled\" is for slopes: episodes run on \"articulated\"")),
+            Some("neural") => Arena::Model { folder: found(shipped::model_of_task(task, robot), robot)?, device: self.device },
+            _ => Arena::Model { folder: self.folder()?, device: self.device },
+        })
+    }
+
+    fn folder(&self) -> PyResult<PathBuf> {
+        if self.word.join("config.json").exists() {
+            return Ok(self.word.clone());
+        }
+        let word = self.word.display();
+        Err(value(format!("no solver {word}: choose \"articulated\", \"settled\", \"rapier\", \"neural\" or the folder of a model")))
+    }
+}
+
+fn found(folder: PathBuf, robot: &str) -> PyResult<PathBuf> {
+    if folder.exists() {
+        return Ok(folder);
+    }
+    let folder = folder.display();
+    Err(value(format!("no model of `{robot}` at {folder}: work in the project's folder, whose models/ are meant, or name a model's own")))
+}

@@ -1,0 +1,130 @@
+//! Robots.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use pyo3::prelude::*;
+
+use crate::error::value;
+
+/// A robot with what its file does not say: frame time, gravity, materials, starts, scenes.
+///
+/// System("ant"), or the path of a URDF, an MJCF (.xml) or a cable's TOML.
+///
+/// Raises ValueError, in one line, for a name or a file that is none.
+#[pyclass(frozen, from_py_object, module = "nerd")]
+#[derive(Clone)]
+pub struct System {
+    pub system: Arc<nerd_sim::prelude::System>,
+    /// What it was read by.
+    source: String,
+}
+
+impl System {
+    /// One that was read by this name.
+    pub fn of(name: &str, system: Arc<nerd_sim::prelude::System>) -> Self {
+        Self { system, source: name.into() }
+    }
+}
+
+#[pymethods]
+impl System {
+    #[new]
+    fn new(name: PathBuf) -> PyResult<Self> {
+        let system = nerd_sim::prelude::System::named(&name.to_string_lossy()).map_err(value)?;
+        // A file stays the same wherever others work.
+        let source = if name.exists() { std::path::absolute(&name).unwrap_or(name) } else { name };
+        Ok(Self { system, source: source.to_string_lossy().into_owned() })
+    }
+
+    /// The name or the path that it was read by.
+    #[getter]
+    fn source(&self) -> &str {
+        &self.source
+    }
+
+    /// Its name.
+    #[getter]
+    fn name(&self) -> &str {
+        &self.system.name
+    }
+
+    /// One control frame (s).
+    #[getter]
+    fn frame_time(&self) -> f64 {
+        self.system.frame_time
+    }
+
+    /// Numbers of the coordinates q: joints (rad or m), of a free root before them position (m) and quaternion x y z w.
+    #[getter]
+    fn nq(&self) -> usize {
+        self.system.robot.nq()
+    }
+
+    /// Degrees of freedom, numbers of the velocities qd: joints (rad/s or m/s), of a free root before them its twist about the world's
+    /// origin (rad/s, m/s).
+    #[getter]
+    fn nv(&self) -> usize {
+        self.system.robot.nv()
+    }
+
+    /// Names of the joints that are driven, in the order of torques.
+    #[getter]
+    fn joints(&self) -> Vec<&str> {
+        self.system.robot.joints().map(|joint| joint.name.as_str()).collect()
+    }
+
+    /// Names of the moving links.
+    #[getter]
+    fn links(&self) -> Vec<&str> {
+        self.system.robot.links.iter().map(|link| link.name.as_str()).collect()
+    }
+
+    /// Names of what is fixed on a link or on the base (soles, tools); poses know them, too.
+    #[getter]
+    fn frames(&self) -> Vec<&str> {
+        self.system.robot.frames.iter().map(|frame| frame.name.as_str()).collect()
+    }
+
+    /// Names of the numbers of a state [q, qd].
+    #[getter]
+    fn columns(&self) -> Vec<&str> {
+        self.system.spec.state_columns.iter().map(String::as_str).collect()
+    }
+
+    /// Names of its own scenes.
+    #[getter]
+    fn scenes(&self) -> Vec<&str> {
+        self.system.scene_names()
+    }
+
+    /// What was taken for granted of the robot's file, a line each.
+    #[getter]
+    fn notes(&self) -> Vec<&str> {
+        self.system.notes.iter().map(String::as_str).collect()
+    }
+
+    fn __repr__(&self) -> String {
+        let robot = &self.system.robot;
+        format!("System({:?}, nq={}, nv={}, joints={})", self.system.name, robot.nq(), robot.nv(), robot.joint_count())
+    }
+}
+
+/// A system, or the name of one.
+#[derive(FromPyObject)]
+pub enum Named {
+    /// One that is there.
+    System(System),
+    /// One to be read.
+    Name(PathBuf),
+}
+
+impl Named {
+    /// The system.
+    pub fn read(self) -> PyResult<System> {
+        match self {
+            Self::System(system) => Ok(system),
+            Self::Name(name) => System::new(name),
+        }
+    }
+}

@@ -1,0 +1,18 @@
+//! Forked processes, which keep no threads but one.
+
+use std::sync::OnceLock;
+
+use pyo3::{PyResult, exceptions::PyRuntimeError};
+
+/// The process that began to step environments side by side.
+static OWNER: OnceLock<u32> = OnceLock::new();
+
+/// Refuses to step several environments where the threads for that have stayed behind, which would wait for ever.
+pub fn here(n: usize) -> PyResult<()> {
+    let me = std::process::id();
+    if n > 1 && *OWNER.get_or_init(|| me) != me {
+        let line = "this process was forked from one that had stepped environments, and has none of its threads: start it by `spawn`";
+        return Err(PyRuntimeError::new_err(line));
+    }
+    Ok(())
+}

@@ -1,0 +1,149 @@
+//! How episodes begin: drawn by seed, environment and number, on the ground of their level, or under way.
+
+use nerd_sim::prelude::*;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use super::Episodes;
+use crate::Beginning;
+use crate::step::{CHUNK, StepResult, episode};
+
+impl Episodes {
+    /// From here on, and at once in all environments, episodes go through their task's levels ([`crate::Task::levels`]), from the lowest: up after one
+    /// that lasted and succeeded, down after one that ended before its time.
+    ///
+    /// # Errors
+    /// As [`Self::begin`].
+    pub fn climb(&mut self) -> Result<(), StepError> {
+        let Some((at, levels)) = self.task.levels() else { return Ok(()) };
+        let width = self.task.goal_dim();
+        self.climbs = true;
+        self.goals.chunks_exact_mut(width).for_each(|goal| goal[at] = 1.0 / levels as f64);
+        (0..self.len()).try_for_each(|env| self.restart(env))?;
+        self.observe(|_| true);
+        Ok(())
+    }
+
+    /// Whether they do.
+    pub fn climbs(&self) -> bool {
+        self.climbs
+    }
+
+    /// From here on, and at once in all environments, episodes begin under way, each at one of these drawn: in environment k, counted among
+    /// all, at one of the robot `k mod robots`. What the solver remembers says which robot that is.
+    ///
+    /// # Errors
+    /// If there is none of a robot, or the solver cannot be stepped or cannot remember what it is to.
+    pub fn begin_at(&mut self, beginnings: Vec<Vec<Beginning>>) -> Result<(), StepError> {
+        if beginnings.iter().any(Vec::is_empty) {
+            return Err(StepError::Solver("a robot has no beginning".into()));
+        }
+        // What has never been stepped has no memory to write to.
+        self.simulation.step(&vec![0.0; self.torques.len()])?;
+        self.beginnings = beginnings;
+        (0..self.len()).try_for_each(|env| self.restart(env))?;
+        self.observe(|_| true);
+        Ok(())
+    }
+
+    /// Begins the next episode in an environment, whatever its present one came to.
+    ///
+    /// # Errors
+    /// As [`Self::begin_at`].
+    pub fn begin(&mut self, env: usize) -> Result<(), StepError> {
+        self.begin_numbered(&[(env, self.begun[env] + 1)])
+    }
+
+    /// Numbers of the present episodes by environment, of which the first is 1.
+    pub fn numbers(&self) -> &[u64] {
+        &self.begun
+    }
+
+    /// Begins episodes by environment and number, whatever the present ones came to: a present one from its start again, say.
+    ///
+    /// # Errors
+    /// As [`Self::begin_at`].
+    ///
+    /// # Panics
+    /// If there is no such environment.
+    pub fn begin_numbered(&mut self, episodes: &[(usize, u64)]) -> Result<(), StepError> {
+        let mut begun = vec![false; self.len()];
+        for &(env, number) in episodes {
+            (self.begun[env], begun[env]) = (number.saturating_sub(1), true);
+            self.restart(env)?;
+        }
+        self.observe(|env| begun[env]);
+        Ok(())
+    }
+
+    /// Begins the first episodes of another seed.
+    ///
+    /// # Errors
+    /// As [`Self::begin_at`].
+    pub fn seeded(&mut self, seed: u64) -> Result<(), StepError> {
+        self.seed = seed;
+        self.begin_numbered(&(0..self.len()).map(|env| (env, 1)).collect::<Vec<_>>())
+    }
+
+    pub(super) fn restart(&mut self, env: usize) -> Result<(), StepError> {
+        if self.beginnings.is_empty() {
+            self.start(env);
+            return Ok(());
+        }
+        let mut rng = self.draw(env);
+        let own = &self.beginnings[(self.first + env) % self.beginnings.len()];
+        let Beginning { state, goal, frame, memory } = &own[rng.random_range(0..own.len())];
+        let width = self.task.goal_dim();
+        self.goals[env * width..(env + 1) * width].copy_from_slice(goal);
+        self.simulation.reset(env, state);
+        self.simulation.batch.frames[env] = *frame;
+        self.simulation.solver.recall(env, memory)
+    }
+
+    /// What the next episode of an environment is drawn from.
+    fn draw(&mut self, env: usize) -> ChaCha8Rng {
+        self.begun[env] += 1;
+        episode(self.seed, self.first + env, self.begun[env])
+    }
+
+    pub(super) fn start(&mut self, env: usize) {
+        let mut rng = self.draw(env);
+        let width = self.task.goal_dim();
+        let (goal, climbs) = (&mut self.goals[env * width..(env + 1) * width], self.climbs);
+        let level = self.task.levels().filter(|_| climbs).map(|(at, _)| (at, goal[at]));
+        self.task.draw_goal(&mut rng, goal);
+        level.into_iter().for_each(|(at, level)| goal[at] = level);
+        self.lay(env, false);
+        let Simulation { batch, .. } = &self.simulation;
+        let mut state = self.task.reset(&batch.system, &mut rng);
+        batch.scenes[env].strew(&batch.system.robot, &mut self.works[env / CHUNK].data, &mut state, &mut rng);
+        self.simulation.reset(env, &state);
+    }
+
+    /// The ground of an environment's level, anew also where it is there: a device may have gone on with it.
+    pub(super) fn lay(&mut self, env: usize, anew: bool) {
+        let Some((at, _)) = self.task.levels() else { return };
+        let (level, scene) = (self.goals[env * self.task.goal_dim() + at], &mut self.simulation.batch.scenes[env]);
+        if scene.terrain().is_some_and(|(_, field)| anew || field.scale() != level) {
+            *scene = Arc::new(scene.scaled(level));
+        }
+    }
+
+    /// Counts the misses of a step, and goes up or down where an episode is over.
+    pub(super) fn rise(&mut self, result: &StepResult) {
+        let Some((at, levels)) = self.task.levels() else { return };
+        let (steps, width, frames) = (self.task.episode_length(), self.task.goal_dim(), &self.simulation.batch.frames);
+        let length = steps * self.task.frames();
+        for (env, goal) in self.goals.chunks_exact_mut(width).enumerate() {
+            let [level, missed] = &mut goal[at..at + 2] else { continue };
+            if 2 * frames[env] > length {
+                *missed += result.misses[env].unwrap_or(0.0);
+            }
+            if self.climbs && (result.terminated[env] || result.truncated[env]) {
+                let succeeded = *missed <= (steps - steps / 2) as f64;
+                let by = if result.terminated[env] { -1.0 } else { f64::from(u8::from(succeeded)) };
+                *level = ((*level * levels as f64).round() + by).clamp(1.0, levels as f64) / levels as f64;
+            }
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! `cargo xtask VERB`: one file per verb. Bad input ends with one line and exit code 2, and leaves no file behind.
+
+use std::ffi::OsString;
+
+use anyhow::Result;
+use clap::{Command, CommandFactory, FromArgMatches, Parser, error::ErrorKind};
+use nerd_lab::{experiments::calibrated::Calibration, experiments::chart::Chart};
+use nerd_train::provenance::Provenance;
+
+#[macro_use(tell)]
+extern crate nerd_train;
+
+/// A line on standard output. The standard `println!` panics on a closed pipe.
+macro_rules! say {
+    ($($text:tt)*) => { $crate::out::line(format_args!($($text)*)) };
+}
+
+mod campaign;
+mod check;
+mod commands;
+mod dataset;
+mod evaluate;
+mod inspect;
+mod list;
+mod live;
+mod measure;
+mod options;
+mod out;
+mod policy;
+mod prelude;
+mod ranks;
+mod refusals;
+mod report;
+mod reproduce;
+mod results;
+mod rollout;
+mod solvers;
+mod stability;
+mod train;
+mod urdf;
+
+/// NeRD in Rust: data, training, rollouts, measurement.
+#[derive(Parser)]
+#[command(name = "cargo xtask", bin_name = "cargo xtask", version)]
+enum Verb {
+    /// Record random trajectories as safetensors shards
+    Dataset(dataset::DatasetArgs),
+    /// Show a data set as a learner will see it
+    Inspect(inspect::InspectArgs),
+    /// Train a model, or continue a run
+    Train(Box<train::TrainArgs>),
+    /// Roll a solver out from the states of a CSV file
+    Rollout(rollout::RolloutArgs),
+    /// Measure how far a solver drifts from the truth
+    Evaluate(evaluate::EvaluateArgs),
+    /// Draw speed against accuracy of every solver of a scene
+    Chart(measure::Conduct<Chart>),
+    /// Show where each method holds, bends and breaks
+    Stability(stability::StabilityArgs),
+    /// Measure what the project's tables and figures show
+    Measure(measure::MeasureArgs),
+    /// The main job: tables and charts of the shipped models
+    Reproduce(reproduce::ReproduceArgs),
+    /// Check which results still hold, make them again, write their figures into the documents
+    Results(results::ResultsArgs),
+    /// Write one page with all tables, charts, maps and replays
+    Report(report::ReportArgs),
+    /// Train, evaluate or show a policy
+    Policy(policy::PolicyArgs),
+    /// Fit parameters of robot, contact and scene to measured trajectories, and judge the fit on others
+    Calibrate(measure::Conduct<Calibration>),
+    /// Read every URDF and MJCF of a folder and roll it out, or name what is not supported
+    Urdf(urdf::UrdfArgs),
+    /// Serve a page on this machine: a robot that steps in real time, to be pushed and given another solver
+    Live(live::LiveArgs),
+    /// List robots, scenes, tasks, models, rows
+    List(list::ListArgs),
+    /// Try hostile input: mutated files and command lines, killed runs
+    Campaign(campaign::CampaignArgs),
+    /// Format, clippy, circles of imports, docs, tests
+    Check(check::CheckArgs),
+}
+
+/// The command line.
+fn program() -> Command {
+    commands::prepare(Verb::command())
+}
+
+fn parse(words: impl IntoIterator<Item = OsString>) -> Result<Verb, clap::Error> {
+    let mut program = program();
+    let matches = program.try_get_matches_from_mut(words)?;
+    if commands::as_json(&matches) {
+        out::json();
+    }
+    Verb::from_arg_matches(&matches).map_err(|e| e.format(&mut program))
+}
+
+fn run(verb: Verb) -> Result<()> {
+    match verb {
+        Verb::Dataset(args) => dataset::run(args),
+        Verb::Inspect(args) => inspect::run(args),
+        Verb::Train(args) => train::run(*args),
+        Verb::Rollout(args) => rollout::run(args),
+        Verb::Evaluate(args) => evaluate::run(args),
+        Verb::Chart(args) => args.run(),
+        Verb::Stability(args) => stability::run(args),
+        Verb::Measure(args) => measure::run(args),
+        Verb::Reproduce(args) => reproduce::run(args),
+        Verb::Results(args) => results::run(args, commands::reference(program())),
+        Verb::Report(args) => report::run(args),
+        Verb::Policy(args) => policy::run(args),
+        Verb::Calibrate(args) => args.run(),
+        Verb::Urdf(args) => urdf::run(args),
+        Verb::Live(args) => live::run(args),
+        Verb::List(args) => list::run(args),
+        Verb::Campaign(args) => campaign::run(args),
+        Verb::Check(args) => check::run(args),
+    }
+}
+
+/// Does what a command line says, whose first word is the program; the exit code.
+pub fn call(words: impl IntoIterator<Item = OsString>) -> u8 {
+    Provenance::begin();
+    match parse(words) {
+        Ok(verb) => match run(verb).and_then(|()| out::finish()) {
+            Ok(()) => 0,
+            Err(error) => refusals::end(&refusals::failure(&error)),
+        },
+        // Who asks for help, or for nothing at all, sees the verbs.
+        Err(error) if !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => error.exit(),
+        Err(error) => refusals::end(&refusals::usage(&error)),
+    }
+}
