@@ -15,7 +15,7 @@ const NAMES: &str = "#include <cmath>
 #define __align__(bytes)
 #define __launch_bounds__(threads)
 struct Place { int x, y; };
-static Place blockIdx, threadIdx, blockDim = {1, 1};
+static Place blockIdx, threadIdx, blockDim = {1, 1}, gridDim;
 struct Buffer { long long size; std::vector<double> room; template <class T> operator T*() { return (T*)room.data(); } };
 ";
 

@@ -1,4 +1,4 @@
-// What the kernels of all bodies share; and of their programs on the CPU, how numbers come in and go out.
+// What the kernels of all bodies share.
 
 // As the host writes it: whether it is mirrored, and how it is turned; `frame` is where the update begins.
 struct View { double mirror, sine, cosine, yaw; };
@@ -18,15 +18,3 @@ FN double bent(double e, double unit, double weight, double& slope) {
     slope = weight * e / (length * unit);
     return weight * (length - 1);
 }
-
-#ifndef __CUDACC_RTC__
-#include <cstdio>
-#include <cstdlib>
-#include <vector>
-template <class T> std::vector<T> read_all(long long n) {
-    std::vector<T> all(n);
-    if (std::fread(all.data(), sizeof(T), n, stdin) != (size_t)n) std::exit(1);
-    return all;
-}
-template <class T> void write_all(const std::vector<T>& all) { std::fwrite(all.data(), sizeof(T), all.size(), stdout); }
-#endif

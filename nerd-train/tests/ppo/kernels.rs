@@ -17,59 +17,32 @@ const STEP: usize = 4;
 const NOISE: (u64, u64) = (0x1234_5678_9abc_def0, (1 << 40) + 7);
 const PARTS: usize = 7;
 
-/// Every kernel in turn over a few more threads than it has work for.
-const MAIN: &str = r"
-#include <cmath>
-#include <cstdio>
-#include <vector>
-using std::vector;
+/// What the kernels' text leaves to others.
+const NAMES: &str = "
 typedef unsigned long long u64;
-#define __global__
 #define __device__
 #define FN static inline
-static u64 INDEX;
-#include KERNELS
-template <class T> vector<T> take(size_t n) { vector<T> x(n); if (fread(x.data(), sizeof(T), n, stdin) != n) throw 1; return x; }
-template <class T> void give(const vector<T>& x) { fwrite(x.data(), sizeof(T), x.size(), stdout); }
-#define RUN(threads, call) for (INDEX = 0; INDEX < (u64)(threads) + 5; INDEX++) call
-int main() {
-    auto sizes = take<int>(6);
-    const int n = sizes[0], seen = sizes[1], a = sizes[2], horizon = sizes[3], parts = sizes[4], padded = sizes[5], steps = n * horizon;
-    auto key = take<u64>(5);
-    const u64 later = 3, first_stream = key[4] - later;
-    auto law = take<double>(10);
-    auto rows = take<double>(steps * seen), mean_of = take<double>(seen), inverse = take<double>(seen);
-    auto rewards = take<double>(steps), values = take<double>(steps + n), cut = take<double>(steps);
-    auto said = take<float>(n * (a + 1)), parameter = take<float>(a);
-    auto ends = take<unsigned char>(steps);
-    vector<float> inputs(steps * padded), means(n * a), spreads(n * a), actions(n * a), surprise(n), kept(n * a);
-    vector<float> advantages(steps), wanted(steps), known(steps);
-    vector<double> worth(n), both(2 * steps), partial(parts * seen), first(seen), second(seen);
-    RUN(steps * seen, normalize(rows.data(), mean_of.data(), inverse.data(), inputs.data(), steps * seen, seen, padded));
-    RUN(n, act(said.data(), parameter.data(), key[0], key[1], key[2], key[3], &first_stream, later, law.data(), means.data(), spreads.data(),
-               actions.data(), surprise.data(), worth.data(), kept.data(), n, a, a + 1, 0));
-    RUN(n, gae(rewards.data(), ends.data(), values.data(), cut.data(), both.data(), n, horizon, law[2], law[3]));
-    RUN(parts * seen, columns(rows.data(), nullptr, steps, seen, parts, partial.data()));
-    RUN(seen, mean(partial.data(), steps, seen, parts, first.data()));
-    RUN(parts * seen, columns(rows.data(), first.data(), steps, seen, parts, partial.data()));
-    RUN(seen, mean(partial.data(), steps, seen, parts, second.data()));
-    RUN(steps, goals(both.data(), values.data(), steps, law[4], law[5], law[6], law[7], law[8], law[9], advantages.data(), wanted.data(),
-                     known.data()));
-    // Twice at most time runs out in an environment.
-    const int slots = 2;
-    vector<double> all(values), shares(steps), earned(n);
-    all.insert(all.end(), cut.begin(), cut.end());
-    vector<unsigned> which((1 + slots) * n), without(n, 7);
-    vector<int> asked(steps);
-    vector<float> by((1 + slots) * n * (a + 1), 7), slow = means;
-    RUN(n, reached(ends.data(), which.data(), n, horizon, slots));
-    RUN(n, shac_ahead(rewards.data(), ends.data(), all.data(), law.data(), shares.data(), asked.data(), by.data(), earned.data(), without.data(), n,
-                      horizon, slots, a, a + 1, law[2], law[3]));
-    RUN(n * a, shac_follow(slow.data(), spreads.data(), 0.25f, n * a));
-    for (auto* x : {&inputs, &means, &spreads, &actions, &surprise, &kept, &advantages, &wanted, &known}) give(*x);
-    for (auto* x : {&worth, &both, &first, &second, &shares, &earned}) give(*x);
-    give(which), give(asked), give(without), give(by), give(slow);
-}
+#define INDEX ((u64)blockIdx.x)
+";
+/// Every kernel in turn over a few more threads than it has work for. Time runs out in an environment twice at most.
+const LAUNCHES: &str = "
+#define RUN(threads, call) for (blockIdx.x = 0; blockIdx.x < (threads) + 5; blockIdx.x++) call;
+    const int STEPS = N * HORIZON, SLOTS = 2;
+    const u64 *key = b[0], later = 3, first = key[4] - later;
+    const double* law = b[1];
+    float *means = b[12], *slow = b[31];
+    RUN(STEPS * SEEN, normalize(b[2], b[3], b[4], b[11], STEPS * SEEN, SEEN, PADDED))
+    RUN(N, act(b[8], b[9], key[0], key[1], key[2], key[3], &first, later, law, means, b[13], b[14], b[15], b[20], b[16], N, A, A + 1, 0))
+    RUN(N, gae(b[5], b[10], b[6], b[7], b[21], N, HORIZON, law[2], law[3]))
+    RUN(PARTS * SEEN, columns(b[2], nullptr, STEPS, SEEN, PARTS, b[22]))
+    RUN(SEEN, mean(b[22], STEPS, SEEN, PARTS, b[23]))
+    RUN(PARTS * SEEN, columns(b[2], b[23], STEPS, SEEN, PARTS, b[22]))
+    RUN(SEEN, mean(b[22], STEPS, SEEN, PARTS, b[24]))
+    RUN(STEPS, goals(b[21], b[6], STEPS, law[4], law[5], law[6], law[7], law[8], law[9], b[17], b[18], b[19]))
+    RUN(N, reached(b[10], b[27], N, HORIZON, SLOTS))
+    RUN(N, shac_ahead(b[5], b[10], b[32], law, b[25], b[28], b[30], b[26], b[29], N, HORIZON, SLOTS, A, A + 1, law[2], law[3]))
+    for (int i = 0; i < N * A; i++) slow[i] = means[i];
+    RUN(N * A, shac_follow(slow, b[13], 0.25f, N * A))
 ";
 
 /// What the CPU's engine was told and asked: rewards and ends, values where time ran out and of the last answer, and actions of one step, as
@@ -133,10 +106,7 @@ fn near(what: &str, found: &[f64], expected: &[f64], most: f64) {
 #[test]
 fn kernels_answer_and_judge_as_the_cpu_does() {
     let Some(compiler) = cpp::Compiler::find() else { return };
-    let text = MAIN.replace(
-        "#include KERNELS",
-        &(RANDOM.to_string() + include_str!("../../src/ppo/cuda/acting.cu") + include_str!("../../src/ppo/cuda/shac/kernels.cu")),
-    );
+    let text = [NAMES, RANDOM, include_str!("../../src/ppo/cuda/acting.cu"), include_str!("../../src/ppo/cuda/shac/kernels.cu")].concat();
     let Rolled { policy, engine, rewards, ends, cut, last, kept } = rolled();
     let (r, steps) = (&engine.rollout, N * HORIZON);
     let returns: Vec<f64> = r.advantages.iter().zip(&r.values).map(|(a, v)| a + v).collect();
@@ -153,61 +123,57 @@ fn kernels_answer_and_judge_as_the_cpu_does() {
     let said = policy.answer(&r.observations[STEP * N * SEEN..][..N * SEEN]);
     let rows = said.mean.chunks(A).zip(&said.value).flat_map(|(mean, value)| mean.iter().chain([value]));
 
-    let mut input: Vec<u8> = [N, SEEN, A, HORIZON, PARTS, PADDED].iter().flat_map(|x| (*x as i32).to_le_bytes()).collect();
-    input.extend(stream(NOISE.0, NOISE.1).get_seed());
-    input.extend(NOISE.1.to_le_bytes());
-    let numbers = [&laws, &r.observations, &columns.mean, &inverse, &rewards, &values, &cut];
-    input.extend(numbers.into_iter().flatten().flat_map(|x| x.to_le_bytes()));
-    input.extend(rows.chain(policy.spread()).flat_map(|x| x.to_le_bytes()));
-    input.extend(&ends);
-    let output = compiler.run(&text, input);
-
-    let (singles, doubles) = output.split_at(4 * (steps * PADDED + 4 * N * A + N + 3 * steps));
-    let mut singles = singles.as_chunks::<4>().0.iter().map(|b| f64::from(f32::from_le_bytes(*b)));
-    let mut doubles = doubles.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b));
-    let mut single = |n: usize| singles.by_ref().take(n).collect::<Vec<_>>();
-    let mut double = |n: usize| doubles.by_ref().take(n).collect::<Vec<_>>();
+    let key = [stream(NOISE.0, NOISE.1).get_seed().to_vec(), NOISE.1.to_le_bytes().to_vec()].concat();
+    let numbers = [&laws, &r.observations, &columns.mean, &inverse, &rewards, &values, &cut].map(|x| cpp::bytes(x, f64::to_le_bytes));
+    let said = cpp::bytes(&rows.copied().collect::<Vec<f32>>(), f32::to_le_bytes);
+    let given = [vec![key], numbers.into(), vec![said, cpp::bytes(policy.spread(), f32::to_le_bytes), ends.clone()]].concat();
+    let singles = [steps * PADDED, N * A, N * A, N * A, N, N * A, steps, steps, steps].map(|n| vec![0; 4 * n]);
+    let wide = [N, 2 * steps, PARTS * SEEN, SEEN, SEEN, steps, N].map(|n| vec![0; 8 * n]);
+    // What is not written is no zero.
+    let rest = [3 * N, steps, N, 3 * N * (A + 1), N * A].map(|n| vec![0x40; 4 * n]);
+    let all = cpp::bytes(&[&values[..], &cut].concat(), f64::to_le_bytes);
+    let buffers = [given, singles.into(), wide.into(), rest.into(), vec![all]].concat();
+    let sizes = format!("const int N = {N}, SEEN = {SEEN}, A = {A}, HORIZON = {HORIZON}, PARTS = {PARTS}, PADDED = {PADDED};");
+    let found = compiler.launch(&text, &(sizes + LAUNCHES), &buffers);
+    let double = |k: usize| cpp::doubles(&found[k]);
+    let single = |k: usize| cpp::floats(&found[k]).into_iter().map(f64::from).collect::<Vec<f64>>();
     let f64s = |x: &[f32]| x.iter().copied().map(f64::from).collect::<Vec<_>>();
     let at = |x: &[f32]| f64s(&x[STEP * N * A..][..N * A]);
 
     let mut seen = Vec::new();
     policy.seen.rows(&r.observations, &mut seen);
     let seen: Vec<f64> = seen.chunks(SEEN).flat_map(|row| f64s(&[row, &[0.0; PADDED - SEEN]].concat())).collect();
-    near("inputs", &single(steps * PADDED), &seen, 1e-6);
-    near("means", &single(N * A), &at(&r.mean), 0.0);
-    near("spreads", &single(N * A), &at(&r.spread), 0.0);
-    near("actions", &single(N * A), &at(&r.actions), 1e-6);
-    near("surprise", &single(N), &f64s(&r.surprise[STEP * N..][..N]), 1e-5);
-    near("actions kept within their bounds", &single(N * A), &kept, 1e-6);
+    near("inputs", &single(11), &seen, 1e-6);
+    near("means", &single(12), &at(&r.mean), 0.0);
+    near("spreads", &single(13), &at(&r.spread), 0.0);
+    near("actions", &single(14), &at(&r.actions), 1e-6);
+    near("surprise", &single(15), &f64s(&r.surprise[STEP * N..][..N]), 1e-5);
+    near("actions kept within their bounds", &single(16), &kept, 1e-6);
     let by = |x: &[f64], mean: f64, scale: f64| x.iter().map(|x| (x - mean) / scale).collect::<Vec<_>>();
-    near("advantages, normalised", &single(steps), &by(&r.advantages, mean, spread), 1e-6);
+    near("advantages, normalised", &single(17), &by(&r.advantages, mean, spread), 1e-6);
     let normalised = |x: &[f64], m: &RunningMoments| x.iter().map(|x| m.normalize(0, *x)).collect::<Vec<_>>();
-    near("goals", &single(steps), &normalised(&returns, &moved), 1e-6);
-    near("values, normalised", &single(steps), &normalised(&r.values, &policy.returns), 1e-6);
-    near("values", &double(N), &r.values[STEP * N..][..N], 1e-12);
+    near("goals", &single(18), &normalised(&returns, &moved), 1e-6);
+    near("values, normalised", &single(19), &normalised(&r.values, &policy.returns), 1e-6);
+    near("values", &double(20), &r.values[STEP * N..][..N], 1e-12);
     let both: Vec<f64> = r.advantages.iter().zip(&returns).flat_map(|(a, r)| [*a, *r]).collect();
-    near("advantages and returns", &double(2 * steps), &both, 1e-12);
+    near("advantages and returns", &double(21), &both, 1e-12);
     let of = |k: usize, about: f64, power: i32| average(&mut r.observations.iter().skip(k).step_by(SEEN).map(|x| (x - about).powi(power)));
     let means: Vec<f64> = (0..SEEN).map(|k| of(k, 0.0, 1)).collect();
-    near("means of columns", &double(SEEN), &means, 1e-12);
-    near("variances of columns", &double(SEEN), &(0..SEEN).map(|k| of(k, means[k], 2)).collect::<Vec<_>>(), 1e-12);
+    near("means of columns", &double(23), &means, 1e-12);
+    near("variances of columns", &double(24), &(0..SEEN).map(|k| of(k, means[k], 2)).collect::<Vec<_>>(), 1e-12);
     let ahead = Ahead::of(&rewards, &ends, [&values, &cut], units(&policy.returns)[1]);
-    near("what rewards count", &double(steps), &ahead.shares, 1e-12);
-    near("J by environment", &double(N), &ahead.earned, 1e-12);
-    let rest = &output[output.len() - 4 * (3 * N + steps + N + 3 * N * (A + 1) + N * A)..];
-    let words = rest.as_chunks::<4>().0;
-    let (whole, floats) = words.split_at(3 * N + steps + N);
-    let whole: Vec<i32> = whole.iter().map(|b| i32::from_le_bytes(*b)).collect();
+    near("what rewards count", &double(25), &ahead.shares, 1e-12);
+    near("J by environment", &double(26), &ahead.earned, 1e-12);
+    let whole = found[27..30].concat().as_chunks().0.iter().map(|b| i32::from_le_bytes(*b)).collect::<Vec<_>>();
     assert_eq!(
         whole,
         [&ahead.which[..], &ahead.asked, &[0; N]].concat(),
         "where values go, rows that are asked for, environments without slopes"
     );
-    let floats: Vec<f64> = floats.iter().map(|b| f64::from(f32::from_le_bytes(*b))).collect();
-    near("gradients by values", &floats[..3 * N * (A + 1)], &ahead.by, 1e-6);
+    near("gradients by values", &single(30), &ahead.by, 1e-6);
     let (mean, spread) = (at(&r.mean), at(&r.spread));
     let followed: Vec<f64> = mean.iter().zip(spread).map(|(slow, now)| 0.25 * slow + 0.75 * now).collect();
-    near("the slower critic", &floats[3 * N * (A + 1)..], &followed, 1e-6);
+    near("the slower critic", &single(31), &followed, 1e-6);
 }
 
 /// What SHAC's way back begins with, of a rollout in which time ran out twice at most.

@@ -1,7 +1,7 @@
 //! The kernels of rollouts against the CPU's, without a device: their text is compiled as C++ and run on the CPU.
 
 use nerd_model::device::padded;
-use nerd_train::unroll::chain::View;
+use nerd_train::unroll::{Widths, chain::View};
 
 pub use crate::common::models::{some, worse, worst as apart};
 use crate::*;
@@ -40,62 +40,56 @@ impl Numbers for Rods {
     }
 }
 
-/// What a program wrote, read in order.
-pub struct Output<'a> {
-    pub bytes: &'a [u8],
-}
+/// Every kernel of an update in turn, for frame K of N rollouts: of rollouts as they begin and as they are there, recorded states and truths,
+/// torques, scenes; states, outputs, gradients by tokens and by later states. What they find: gradients by states after and before, tokens,
+/// losses, what a frame keeps, gradients by outputs, and which are near the truth.
+const LAUNCHES: &str = "
+#define WORLD_OF(rollouts) b[rollouts], b[3], b[4], b[5], FRAMES
+#define EVERY for (blockIdx.x = 0; blockIdx.x < N; blockIdx.x++)
+    gridDim.x = N;
+    for (blockIdx.x = 0; blockIdx.x < COUNT; blockIdx.x++) unroll_truths(b[2], b[3], COUNT);
+    EVERY unroll_begin(WORLD_OF(1), (double*)b[6] + K * N * WIDTH, 0);
+    EVERY unroll_look(WORLD_OF(0), b[6], K, b[11]);
+    EVERY unroll_advance(WORLD_OF(0), b[6], K, b[7]);
+    EVERY unroll_behind(WORLD_OF(0), b[6], K, 1 + blockIdx.x, WEIGHT, b[9], b[12], b[11], b[13]);
+    for (int i = 0; i < N * WIDTH; i++) ((double*)b[10])[i] = ((double*)b[9])[i];
+    EVERY unroll_said(b[6], K, b[7], b[9], b[14]);
+    EVERY unroll_back(WORLD_OF(0), b[6], K, b[7], b[13], b[8], b[9]);
+";
+const NEAR: &str = "    EVERY unroll_end(WORLD_OF(0), b[6], K + 1, b[15]);\n";
 
-impl Output<'_> {
-    fn next(&mut self, bytes: usize) -> &[u8] {
-        let (now, later) = self.bytes.split_at(bytes);
-        self.bytes = later;
-        now
-    }
-
-    pub fn doubles(&mut self, count: usize) -> Vec<f64> {
-        self.next(8 * count).as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b)).collect()
-    }
-
-    pub fn floats(&mut self, count: usize) -> Vec<f64> {
-        self.next(4 * count).as_chunks::<4>().0.iter().map(|b| f64::from(f32::from_le_bytes(*b))).collect()
-    }
-}
-
-/// A body's rollouts by its kernels against the CPU's, from these places on: largest differences of the state after a frame, its tokens,
-/// the loss, its slopes, those by outputs and by the state before; and the CPU's tokens. Some programs tell that state, too, which is then
-/// part of the first, and whether the next is near the truth. `rows` tokens have so many `inputs` and `outputs`.
+/// A body's rollouts by its kernels against the CPU's, from these places on: largest differences of the states before and after a frame, its
+/// tokens, the loss, its slopes, those by outputs and by the state before; and the CPU's tokens. `rows` tokens have so many `inputs` and
+/// `outputs`.
 pub fn apart_on_cpu<B: Body<State: Numbers, Slope: Numbers>>(
     compiler: &cpp::Compiler,
     (body, system, motions): (&B, &Arc<System>, &Motions),
     starts: &[Place<B::View>],
     (rows, inputs, outputs): (usize, usize, usize),
-    told: bool,
 ) -> ([f64; 6], Vec<f64>) {
     let colliders = motions.scenes.iter().map(|scene| scene.colliders.len()).max().unwrap_or(0);
-    let (state, slope) = (body.truth(motions, &starts[0]).numbers().len(), body.level().numbers().len());
+    let (Widths { state, kept, torques, .. }, slope) = (body.widths(), body.level().numbers().len());
     let single = |n: usize, size: f64| some(n, size).into_iter().map(|x| x as f32).collect::<Vec<f32>>();
     let (predicted, by_tokens) = (single(ROLLOUTS * rows * outputs, 0.3), single(ROLLOUTS * rows * inputs, 0.01));
-    let upstreams = some(ROLLOUTS * slope, 5.0);
-    let head = [ROLLOUTS, motions.len(), motions.frames, FRAME];
-    let mut input: Vec<u8> = head.iter().flat_map(|x| (*x as i32).to_le_bytes()).collect();
+    let (upstreams, count) = (some(ROLLOUTS * state, 5.0), motions.len() * (motions.frames + 1));
     let frames = (0..motions.len()).flat_map(|i| (0..motions.frames).map(move |k| (i, k)));
-    let torques = frames.flat_map(|(i, k)| motions.torques(i, k)[..body.widths().torques].to_vec());
+    let seen: Vec<f64> = frames.flat_map(|(i, k)| motions.torques(i, k)[..torques].to_vec()).collect();
     let scenes = motions.scenes.iter().flat_map(|scene| body.record(system, scene, colliders).expect("a scene with kernels"));
-    let placed = starts.iter().flat_map(|place| B::row(place, true));
-    input.extend(placed.chain(motions.states().iter().copied()).chain(torques).chain(scenes).flat_map(f64::to_le_bytes));
-    input.extend(predicted.iter().chain(&by_tokens).flat_map(|x| x.to_le_bytes()));
-    input.extend(upstreams.iter().flat_map(|x| x.to_le_bytes()));
-    let output = compiler.run(&body.program(system, ROLLOUTS, colliders), input);
-    let mut output = Output { bytes: &output };
-    let judgements = if told { 2 } else { 1 };
-    let before = told.then(|| output.doubles(ROLLOUTS * state));
-    let after = output.doubles(ROLLOUTS * state);
-    let (tokens, judged) = (output.floats(ROLLOUTS * rows * padded(inputs)), output.doubles(ROLLOUTS * judgements));
-    let slopes = output.doubles(ROLLOUTS * slope);
-    let (by_outputs, fronts) = (output.floats(ROLLOUTS * rows * outputs), output.doubles(ROLLOUTS * slope));
-    assert!(output.bytes.is_empty());
-
+    let placed = |later: usize| starts.iter().flat_map(|p| B::row(&Place { frame: p.frame + later, ..*p }, true)).collect::<Vec<f64>>();
+    let doubles = |numbers: &[f64]| cpp::bytes(numbers, f64::to_le_bytes);
+    let zeros = |size: usize, numbers: usize| vec![0; size * ROLLOUTS * numbers];
+    let read = [placed(0), placed(FRAME), motions.states().to_vec(), vec![0.0; count * state], seen, scenes.collect()];
+    let mut buffers = read.map(|numbers| doubles(&numbers)).to_vec();
+    let singles = [&predicted, &by_tokens].map(|numbers| cpp::bytes(numbers, f32::to_le_bytes));
+    buffers.extend([vec![zeros(8, (FRAME + 2) * state)], singles.into(), vec![doubles(&upstreams), zeros(8, state)]].concat());
+    buffers.extend([zeros(4, rows * padded(inputs)), zeros(8, 1), zeros(8, kept), zeros(4, rows * outputs), zeros(4, 1)]);
+    let sizes = format!("const int N = {ROLLOUTS}, K = {FRAME}, FRAMES = {}, WIDTH = {state}, COUNT = {count};", motions.frames);
+    let launches = format!("{sizes}\nconst double WEIGHT = {WEIGHT};{LAUNCHES}{}", if B::CARRIED { NEAR } else { "" });
+    let found = compiler.launch(&body.program(system, ROLLOUTS, colliders), &launches, &buffers);
     let wide = |x: Vec<f32>| x.into_iter().map(f64::from).collect::<Vec<f64>>();
+    let [states, slopes, losses, fronts] = [6, 10, 12, 9].map(|k| cpp::doubles(&found[k]));
+    let [tokens, by_outputs] = [11, 14].map(|k| wide(cpp::floats(&found[k])));
+
     let (mut worst, mut all_tokens, mut memory) = ([0.0f64; 6], Vec::new(), body.memory());
     for (i, start) in starts.iter().enumerate() {
         let place = |k: usize| Place { frame: start.frame + k, ..*start };
@@ -105,7 +99,7 @@ pub fn apart_on_cpu<B: Body<State: Numbers, Slope: Numbers>>(
         let moved = body.advance(&own, &look, predicted, &mut memory);
         let truth = body.truth(motions, &place(FRAME + 1));
         let (mut all, mut upstream, mut front) = (body.level(), body.level(), body.level());
-        upstream.set(&upstreams[i * slope..][..slope]);
+        upstream.set(&upstreams[i * state..][..slope]);
         let cost = body.loss([&moved, &truth], FRAME + 1, WEIGHT, &mut all);
         body.join(&mut all, &upstream, 1 + i);
         let wanted = body.advance_back(&own, predicted, &all, &mut front);
@@ -113,17 +107,17 @@ pub fn apart_on_cpu<B: Body<State: Numbers, Slope: Numbers>>(
         let seen = tokens[i * rows * padded(inputs)..][..rows * padded(inputs)].chunks(padded(inputs));
         let seen: Vec<f64> = seen.flat_map(|token| token[..inputs].to_vec()).collect();
         let expected = wide(expected);
-        let begun = before.as_ref().map_or(0.0, |before| apart(&before[i * state..][..state], &own.numbers()));
-        let found = [
-            worse(begun, apart(&after[i * state..][..state], &moved.numbers())),
+        let after = |frame: usize, now: &B::State| apart(&states[(frame * ROLLOUTS + i) * state..][..state], &now.numbers());
+        let off = [
+            worse(after(FRAME, &own), after(FRAME + 1, &moved)),
             apart(&seen, &expected),
-            apart(&judged[judgements * i..][..1], &[cost]),
-            apart(&slopes[i * slope..][..slope], &all.numbers()),
+            apart(&losses[i..][..1], &[cost]),
+            apart(&slopes[i * state..][..slope], &all.numbers()),
             apart(&by_outputs[i * rows * outputs..][..rows * outputs], &wide(wanted)),
-            apart(&fronts[i * slope..][..slope], &front.numbers()),
+            apart(&fronts[i * state..][..slope], &front.numbers()),
         ];
-        worst.iter_mut().zip(found).for_each(|(worst, found)| *worst = worse(*worst, found));
-        assert!(!told || (judged[2 * i + 1] != 0.0) == body.near(&moved, &truth), "rollout {i}");
+        worst.iter_mut().zip(off).for_each(|(worst, off)| *worst = worse(*worst, off));
+        assert!(!B::CARRIED || (found[15][4 * i] != 0) == body.near(&moved, &truth), "rollout {i}");
         all_tokens.extend(expected);
     }
     (worst, all_tokens)
@@ -148,7 +142,7 @@ fn kernels_roll_cables_out_and_back_as_the_cpu_does() {
     let start = |k: usize| Place { motion: k % 6, frame: 2 * k, view: View::new(0.4 * k as f64, k.is_multiple_of(2)) };
     let starts: Vec<_> = (0..ROLLOUTS).map(start).collect();
     let shape = (body.chain.rods, INPUTS, OUTPUTS);
-    let (worst, tokens) = apart_on_cpu(&compiler, (&body, &system, &motions), &starts, shape, true);
+    let (worst, tokens) = apart_on_cpu(&compiler, (&body, &system, &motions), &starts, shape);
     let touching = tokens.as_chunks::<INPUTS>().0.iter().filter(|token| token[17] > 0.0).count();
     println!("{touching} ends of rods near a surface; states, tokens, loss, its slopes, by outputs, by the chain: {worst:?} off");
     assert!(touching > 100 && exact(worst, 1e-9), "{touching}, {worst:?}");

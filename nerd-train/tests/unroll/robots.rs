@@ -116,7 +116,7 @@ fn kernels_roll_robots_out_and_back_as_the_cpu_does() {
         let body = Robot::new(&system, form, &normalizer, &motions);
         let starts: Vec<_> = (0..ROLLOUTS).map(|i| Place { motion: i, frame: i % 30, view: () }).collect();
         let shape = (1, Features::inputs(&system, form), system.robot.state_dim());
-        let (worst, _) = apart_on_cpu(&compiler, (&body, &system, &motions), &starts, shape, false);
+        let (worst, _) = apart_on_cpu(&compiler, (&body, &system, &motions), &starts, shape);
         println!("{robot}, {form:?}: after, tokens, loss, its slopes, by outputs, by the state: {worst:?} off");
         assert!(exact(worst, 1e-8), "{robot}, {form:?}: {worst:?}");
     }

@@ -1,6 +1,5 @@
 // Kernels of an update: chains are `[H + 1][n][CHAIN]`, all else of a rollout `[n]`.
 
-#ifdef __CUDACC_RTC__
 FN void load(const double* from, double* to, int n) { EACH(i, n) to[i] = from[i]; SYNC; }
 FN void store(const double* from, double* to, int n) { SYNC; EACH(i, n) to[i] = from[i]; }
 
@@ -87,39 +86,3 @@ KERNEL unroll_end(WORLD, const double* chains, int through, int* nears) {
     const int so = near(chain, wanted, ends, true_ends);
     EACH(one, 1) nears[blockIdx.x] = so;
 }
-#else
-// From standard input n rollouts, motions and their frames, and which frame it is; rollouts, recorded states, torques, scenes; outputs,
-// and gradients by tokens and by later chains. To standard output chains before and after, tokens, by rollout the loss and whether it is near;
-// gradients of the loss joined by the upstream ones, by outputs, and by chains before.
-int main() {
-    const auto head = read_all<int>(4);
-    const int n = head[0], motions = head[1], frames = head[2], k = head[3];
-    const auto rollouts = read_all<double>(7 * n), states = read_all<double>((long long)motions * (frames + 1) * STATE);
-    const auto torques = read_all<double>((long long)motions * frames * 6), scenes = read_all<double>(motions * SCENE);
-    const auto said = read_all<float>(n * RODS * OUTPUTS), by_tokens = read_all<float>(n * RODS * INPUTS);
-    const auto behinds = read_all<double>(n * CHAIN);
-    std::vector<double> slopes(n * CHAIN), truths(motions * (frames + 1) * CHAIN), before(n * CHAIN), after(n * CHAIN), wanted(CHAIN), out(2 * n);
-    std::vector<double> fronts(n * CHAIN), glided(GRIPPER), ends(6 * RODS), others(6 * RODS), touches(4 * RODS);
-    std::vector<float> tokens(n * RODS * LDX), by_said(n * RODS * OUTPUTS);
-    for (int i = 0; i < motions * (frames + 1); i++) rods(states.data() + i * STATE, truths.data() + i * CHAIN);
-    const Motions m = {truths.data(), torques.data(), scenes.data(), frames};
-    for (int i = 0; i < n; i++) {
-        const Rollout r = *(const Rollout*)(rollouts.data() + 7 * i);
-        double *chain = before.data() + i * CHAIN, *next = after.data() + i * CHAIN, *slope = slopes.data() + i * CHAIN;
-        const float* numbers = said.data() + i * RODS * OUTPUTS;
-        truth(r, m, k, chain);
-        led(r, m, k, chain, glided.data());
-        look(r, m, chain, glided.data(), ends.data(), tokens.data() + i * RODS * LDX, touches.data());
-        advance(chain, glided.data(), numbers, next);
-        truth(r, m, k + 1, wanted.data());
-        out[2 * i] = loss(next, wanted.data(), ends.data(), others.data(), k + 1, 0.7, slope);
-        join(behinds.data() + i * CHAIN, 1 + i, slope);
-        out[2 * i + 1] = near(next, wanted.data(), ends.data(), others.data());
-        said_back(chain, numbers, slope, by_said.data() + i * RODS * OUTPUTS);
-        nodes(chain, ends.data());
-        const float* row = by_tokens.data() + i * RODS * INPUTS;
-        frame_back(chain, glided.data(), numbers, touches.data(), row, slope, ends.data(), fronts.data() + i * CHAIN);
-    }
-    write_all(before), write_all(after), write_all(tokens), write_all(out), write_all(slopes), write_all(by_said), write_all(fronts);
-}
-#endif

@@ -10,7 +10,6 @@ FN void token(const Rollout& r, const Motions& m, int k, const double* state, fl
     tell(state, m.torques + ((long long)r.motion * m.frames + (long long)r.frame + k) * NJ, scene(r, m), out);
 }
 
-#ifdef __CUDACC_RTC__
 #define EACH                                                                   \
     const long long env = (long long)blockIdx.x * blockDim.x + threadIdx.x;    \
     if (env >= ROLLOUTS) return;
@@ -61,31 +60,3 @@ KERNEL unroll_back(WORLD, const double* states, int k, const float* said, const 
     frame_back(states + ((long long)k * ROLLOUTS + env) * STATE, scene(r, m), said + env * STATE, by_tokens + env * INPUTS, behind, slope);
     for (int i = 0; i < 2 * NV; i++) behind[i] = slope[i];
 }
-#else
-// From standard input n rollouts, motions and their frames, and which frame it is; rollouts, recorded states, torques, scenes; outputs,
-// and gradients by tokens and by later states. To standard output states after, tokens, by rollout the loss;
-// gradients of the loss joined by the upstream ones, by outputs, and by states before.
-int main() {
-    const auto head = read_all<int>(4);
-    const int n = head[0], motions = head[1], frames = head[2], k = head[3];
-    const auto rollouts = read_all<double>(7 * n), states = read_all<double>((long long)motions * (frames + 1) * STATE);
-    const auto torques = read_all<double>((long long)motions * frames * NJ), scenes = read_all<double>(motions * SCENE);
-    const auto said = read_all<float>(n * STATE), by_tokens = read_all<float>(n * INPUTS);
-    const auto behinds = read_all<double>(n * 2 * NV);
-    std::vector<double> after(n * STATE), out(n), slopes(n * 2 * NV), fronts(n * 2 * NV);
-    std::vector<float> tokens(n * LDX), by_said(n * STATE);
-    const Motions m = {states.data(), torques.data(), scenes.data(), frames};
-    for (int i = 0; i < n; i++) {
-        const Rollout r = *(const Rollout*)(rollouts.data() + 7 * i);
-        const double* own = truth(r, m, k);
-        double *next = after.data() + i * STATE, *slope = slopes.data() + i * 2 * NV;
-        token(r, m, k, own, tokens.data() + i * LDX);
-        advance(own, said.data() + i * STATE, next);
-        out[i] = loss(next, truth(r, m, k + 1), k + 1, 0.7, slope);
-        join(behinds.data() + i * 2 * NV, 1 + i, slope);
-        said_back(own, said.data() + i * STATE, slope, by_said.data() + i * STATE);
-        frame_back(own, scene(r, m), said.data() + i * STATE, by_tokens.data() + i * INPUTS, slope, fronts.data() + i * 2 * NV);
-    }
-    write_all(after), write_all(tokens), write_all(out), write_all(slopes), write_all(by_said), write_all(fronts);
-}
-#endif
