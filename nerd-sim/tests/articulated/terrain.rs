@@ -124,6 +124,32 @@ fn root_velocity(robot: &Robot, state: &[f64]) -> Vector3<f64> {
     v + w.cross(&p)
 }
 
+/// Cubes that are dropped onto rubble come to rest on it, over borders of cells, too.
+#[test]
+fn cubes_rest_on_rubble() {
+    let mut system = (*on_rubble("cube")).clone();
+    // Nothing slides for long, however steep a cell.
+    system.spec.material.friction = 1.0;
+    let system = Arc::new(system);
+    let (robot, scene, mut data) = (&system.robot, system.scene("terrain").expect("its own"), system.data());
+    let mut batch = batch(&system, "terrain", 16);
+    for env in 0..16 {
+        let mut state = start(&system, Start::Reset, &mut stream(2, env as u64));
+        scene.strew(robot, &mut data, &mut state, &mut stream(3, env as u64));
+        batch.reset(env, &state);
+    }
+    run(&mut Articulated::new(ArticulatedConfig::accurate(&system)), &mut batch, 0.0, 1500);
+    let mut events = Vec::new();
+    for env in 0..16 {
+        let state = batch.state(env);
+        contacts(robot, &scene, state, &mut data, &mut events);
+        let gap = events.iter().zip(&robot.contact_points).map(|(e, p)| e.distance - p.radius).fold(f64::INFINITY, f64::min);
+        let (speed, spin) = (root_velocity(robot, state).norm(), vector(&state[robot.nq()..][..3]).norm());
+        assert!(gap < 0.0 && gap > -2e-3, "cube {env}: {gap:e} m above the ground");
+        assert!(speed < 0.02 && spin < 0.02, "cube {env}: {speed:e} m/s, {spin:e} rad/s");
+    }
+}
+
 #[cfg(feature = "rapier")]
 #[test]
 fn rapier_refuses_terrain() {
