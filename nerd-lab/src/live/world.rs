@@ -126,18 +126,19 @@ impl World {
 
     /// Does what is asked; what cannot be done is said in [`Shown::trouble`].
     pub fn answer(&mut self, ask: Ask) {
-        let done = match ask {
-            Ask::Pause { to } => Ok(self.paused = to),
-            Ask::Step {} => Ok(self.step()),
-            Ask::Reset {} => self.reset(),
-            Ask::Solver { to } => self.swap(to),
-            Ask::Ghost { to } => self.haunt(to),
-            Ask::Hold { to } => Ok(self.hold = to),
-            Ask::Friction { to } => self.rub(to),
-            Ask::Gravity { to } => Ok(self.weigh(to)),
-            Ask::Drag { link, local, target } => self.grasp(link, local.into(), target.into()),
-            Ask::Release {} => Ok(self.pull = None),
-        };
+        let mut done = Ok(());
+        match ask {
+            Ask::Pause { to } => self.paused = to,
+            Ask::Step {} => self.step(),
+            Ask::Reset {} => done = self.reset(),
+            Ask::Solver { to } => done = self.swap(to),
+            Ask::Ghost { to } => done = self.haunt(to),
+            Ask::Hold { to } => self.hold = to,
+            Ask::Friction { to } => done = self.rub(to),
+            Ask::Gravity { to } => self.weigh(to),
+            Ask::Drag { link, local, target } => done = self.grasp(link, local.into(), target.into()),
+            Ask::Release {} => self.pull = None,
+        }
         if let Err(error) = done {
             self.trouble = format!("{error:#}");
         }
