@@ -98,7 +98,9 @@ fn what_cannot_be_asked_is_refused_in_a_line() {
     let mut world = ant();
     for ask in [Ask::Solver { to: 99 }, Ask::Drag { link: 99, local: [0.0; 3], target: [0.0; 3] }] {
         world.answer(ask);
-        assert!(world.shown().trouble.contains("99"), "{}", world.shown().trouble);
+        world.step();
+        assert!(world.shown().trouble.contains("99"), "a frame later: `{}`", world.shown().trouble);
+        world.answer(Ask::Pause { to: false });
         steps(&mut world, 1);
     }
 }
@@ -142,7 +144,7 @@ fn hostile_visitors_and_a_hundred_at_once_end_nothing() {
         (get(&address, "/etc/passwd", &host), 404),
         (post(&address, "text/plain", r#"{"do":"reset"}"#), 415),
         (post(&address, "application/json", "{"), 400),
-        (post(&address, "application/json", &format!("\"{}\"", "x".repeat(100_000))), 400),
+        (post(&address, "application/json", &format!("\"{}\"", "x".repeat(100_000))), 413),
         (post(&address, "application/json", r#"{"do":"solver","to":1}"#), 200),
     ] {
         assert!(answer.starts_with(&format!("HTTP/1.1 {code}")), "for {code}: {answer:.200}");
@@ -150,6 +152,16 @@ fn hostile_visitors_and_a_hundred_at_once_end_nothing() {
     for nonsense in ["", "\0\0\0\0", "GET / HTTP/9.9\r\n\r\n", "POST /ask HTTP/1.1\r\nContent-Length: -1\r\n\r\n"] {
         send(&address, nonsense);
     }
+    // More bodies that never come than there are threads.
+    let begun: Vec<_> = (0..20)
+        .map(|k| {
+            let mut stream = TcpStream::connect(&host).expect("a connection");
+            let length = if k % 2 == 0 { "Content-Length: 2000" } else { "Transfer-Encoding: chunked" };
+            let text = format!("POST /ask HTTP/1.1\r\nHost: {host}\r\nContent-Type: application/json\r\n{length}\r\n\r\n");
+            stream.write_all(text.as_bytes()).expect("begun");
+            stream
+        })
+        .collect();
     // Those who connect, ask and are gone; those who connect and say nothing.
     let mute: Vec<_> = (0..50).map(|_| TcpStream::connect(&host).expect("a connection")).collect();
     for _ in 0..50 {
@@ -167,5 +179,59 @@ fn hostile_visitors_and_a_hundred_at_once_end_nothing() {
     std::thread::sleep(Duration::from_millis(100).saturating_sub(began.elapsed()));
     let after = get(&address, "/state", &host);
     assert!(frame(&after) > Some(before) && after.contains("\"solver\":1"), "from frame {before} on: {after:.300}");
-    drop(mute);
+    drop((mute, begun));
+}
+
+#[test]
+fn a_flood_of_asks_does_not_stop_the_motion() {
+    let live = Live::serve(ant(), "ant", 0).expect("a port");
+    let address = live.address();
+    let host = address.trim_start_matches("http://").to_string();
+    let frame = || get(&address, "/state", &host).split("\"frame\":").nth(1).and_then(|rest| rest.split(',').next()?.parse::<u64>().ok());
+    let before = frame().expect("a frame");
+    std::thread::scope(|scope| {
+        for _ in 0..4 {
+            scope.spawn(|| (0..100).for_each(|_| drop(post(&address, "application/json", r#"{"do":"hold","to":true}"#))));
+        }
+    });
+    let after = frame().expect("a frame");
+    assert!(after > before, "400 asks later it is still frame {after}");
+}
+
+#[test]
+fn a_friction_that_was_changed_keeps_no_model_away() {
+    let mut world = ant();
+    let system = System::named("ant").expect("built in");
+    let model = nerd_train::shipped::model(Truth::Articulated, "ant");
+    let mut batch = Batch::new(&system, &system.scene("ground").expect("its ground"), 1);
+    batch.reset(0, &system.default_state());
+    let simulation = Simulation::new(batch, Articulated::new(ArticulatedConfig::accurate(&system)));
+    if model.exists() {
+        world = World::new(Act::Alone(simulation), vec![Setting::Accurate, Setting::Neural(model)]).expect("a solver");
+    }
+    world.answer(Ask::Friction { to: 0.1 });
+    world.answer(Ask::Solver { to: 1 });
+    steps(&mut world, 5);
+    world.answer(Ask::Friction { to: 0.3 });
+    steps(&mut world, 5);
+}
+
+/// The end link of a leg is some hundredth of the robot: an explicit hand as strong as the robot is heavy throws it about.
+#[test]
+fn a_hand_at_a_toe_is_stable() {
+    let system = System::named("anymal").expect("built in");
+    let mut batch = Batch::new(&system, &system.scene("ground").expect("its ground"), 1);
+    batch.reset(0, &system.default_state());
+    let toe = system.robot.contact_points.last().expect("feet").clone();
+    let simulation = Simulation::new(batch, Articulated::new(ArticulatedConfig::accurate(&system)));
+    let mut world = World::new(Act::Alone(simulation), vec![Setting::Accurate]).expect("a solver");
+    world.answer(Ask::Ghost { to: true });
+    let up = -system.gravity().normalize();
+    let target = Vector3::from(steps(&mut world, 30).map(f64::from)) + up;
+    world.answer(Ask::Drag { link: toe.link, local: toe.local.into(), target: target.into() });
+    steps(&mut world, 240);
+    let root = steps(&mut world, 1);
+    assert!(root.iter().all(|x| x.abs() < 5.0), "the root is at {root:?} after four seconds");
+    let apart = world.shown().apart.expect("a ghost");
+    assert!(apart < 1e-9, "the truth and its ghost, pulled alike, are {apart} apart");
 }

@@ -85,7 +85,7 @@ fn kernels_tell_and_apply_as_the_solver_does() {
     for (robot, scene, form) in table.into_iter().flat_map(each) {
         let (mut system, n) = (System::named(robot).expect("built in"), 40);
         if scene == "terrain" {
-            let rubble = TerrainSpec { kind: TerrainKind::Rubble, height: 0.1, cell: 0.2, length: 1.0, seed: 4 };
+            let rubble = TerrainSpec { kind: TerrainKind::Rubble, height: 0.1, cell: 0.2, length: None, seed: Some(4) };
             system = Arc::new((*system).clone().with_terrain(rubble).expect("in range"));
         }
         // Most touch something.

@@ -110,7 +110,7 @@ impl<S: Solver> Solver for Rig<S> {
             Err(StepError::Environments(faults)) => {
                 faults.iter().map(|f| f.env * d..(f.env + 1) * d).for_each(|row| batch.states[row.clone()].copy_from_slice(&shown[row]));
             }
-            Err(_) => batch.states = shown,
+            Err(_) => batch.states.copy_from_slice(&shown),
         }
         done
     }

@@ -2,7 +2,7 @@
 function live({ robot, solvers, friction, gravity }) {
   const by = id => document.getElementById(id), seen = by("seen"), drawn = by("drawn");
   const ask = what => fetch("/ask", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(what) })
-    .then(async answer => { if (!answer.ok) by("trouble").textContent = await answer.text(); }).catch(() => {});
+    .then(async answer => { by("refused").textContent = answer.ok ? "" : await answer.text(); }).catch(() => {});
   solvers.forEach((name, k) => by("solver").add(new Option(name, k)));
   [by("friction").value, by("gravity").value] = [friction, gravity];
   let painter = null, state = null, grip = null, turning = null;

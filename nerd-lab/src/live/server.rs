@@ -4,7 +4,7 @@ use std::io::Read;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, PoisonError, RwLock};
 
-use nerd_train::replay::{SCRIPT, escape, script};
+use nerd_train::replay::{SCRIPT, escape, fill, script};
 use tiny_http::{Header, Method, Request, Response, Server};
 
 use super::{Ask, World};
@@ -14,8 +14,8 @@ use crate::prelude::*;
 const THREADS: usize = 4;
 /// Asks that wait at most; more are turned away.
 const WAITING: usize = 64;
-/// Longest ask (bytes).
-const LONGEST: u64 = 4096;
+/// Longest ask (bytes): what the server has read before it hands a request over.
+const LONGEST: usize = 1024;
 
 const PAGE: &str = include_str!("live.html");
 const LIVE: &str = include_str!("live.js");
@@ -36,7 +36,7 @@ impl Live {
     pub fn serve(mut world: World, title: &str, port: u16) -> Result<Self> {
         let server = Server::http(("127.0.0.1", port)).map_err(|e| anyhow::anyhow!("--port {port}: {e}; name another"))?;
         let data = script(&world.page(title));
-        let page = PAGE.replace("TITLE", &escape(title)).replace("PAINTER", SCRIPT).replace("LIVE", LIVE).replace("DATA", &data);
+        let page = fill(PAGE, &[("TITLE", &escape(title)), ("PAINTER", SCRIPT), ("LIVE", LIVE), ("DATA", &data)]);
         let shown = Arc::new(RwLock::new(text(&mut world)));
         let (asks, asked) = sync_channel(WAITING);
         std::thread::spawn({
@@ -58,6 +58,11 @@ impl Live {
         let (server, page, asks, shown) = (server.clone(), page.clone(), asks.clone(), shown.clone());
         std::thread::spawn(move || {
             while let Ok(mut request) = server.recv() {
+                // The rest of a long body is waited for when its request is dropped: not here.
+                if lazy(&request) {
+                    std::thread::spawn(move || request.respond(Response::from_string(LONG).with_status_code(413)));
+                    continue;
+                }
                 let (code, kind, text) = reply(&mut request, &page, &asks, &shown);
                 let header = Header::from_bytes("Content-Type", kind).into_iter();
                 let fresh = Header::from_bytes("Cache-Control", "no-store").into_iter();
@@ -77,24 +82,36 @@ impl Drop for Live {
     }
 }
 
+const LONG: &str = "an ask is at most 1024 bytes, and says how many";
+
+/// Whether the server has not read a request's body yet.
+fn lazy(request: &Request) -> bool {
+    let waits = ["Transfer-Encoding", "Expect"].into_iter().any(|name| header(request, name).is_some());
+    let upgrade = header(request, "Connection").is_some_and(|kind| kind.to_ascii_lowercase().contains("upgrade"));
+    waits || upgrade || request.body_length().is_some_and(|length| length > LONGEST)
+}
+
+fn header<'a>(request: &'a Request, name: &'static str) -> Option<&'a str> {
+    request.headers().iter().find(|h| h.field.equiv(name)).map(|h| h.value.as_str())
+}
+
 type Reply = (u16, &'static str, Arc<str>);
 
 fn reply(request: &mut Request, page: &Arc<str>, asks: &SyncSender<Ask>, shown: &RwLock<Arc<str>>) -> Reply {
     const JSON: &str = "application/json";
     let refused = |code: u16, why: &str| (code, "text/plain; charset=utf-8", why.into());
-    let header = |name: &'static str| request.headers().iter().find(|h| h.field.equiv(name)).map(|h| h.value.as_str());
     // Another site's page that a browser here has open can neither read this one (its host is another) nor ask (its kind of text is another).
-    let host = header("Host").unwrap_or("").rsplit_once(':').map_or("", |(host, _)| host);
+    let host = header(request, "Host").unwrap_or("").rsplit_once(':').map_or("", |(host, _)| host);
     if !["127.0.0.1", "localhost"].contains(&host) {
         return refused(403, "this is for the machine that it runs on: open http://127.0.0.1 and its port");
     }
     match (request.method(), request.url()) {
         (Method::Get, "/") => (200, "text/html; charset=utf-8", page.clone()),
         (Method::Get, "/state") => (200, JSON, shown.read().unwrap_or_else(PoisonError::into_inner).clone()),
-        (Method::Post, "/ask") if header("Content-Type") == Some(JSON) => {
+        (Method::Post, "/ask") if header(request, "Content-Type") == Some(JSON) => {
             let mut text = String::new();
-            if request.as_reader().take(LONGEST + 1).read_to_string(&mut text).is_err() || text.len() as u64 > LONGEST {
-                return refused(400, "an ask is at most 4096 bytes of UTF-8");
+            if request.as_reader().read_to_string(&mut text).is_err() {
+                return refused(400, "an ask is UTF-8");
             }
             match Ask::read(&text).map(|ask| asks.try_send(ask)) {
                 Ok(Ok(())) => (200, JSON, "{}".into()),
@@ -113,14 +130,18 @@ fn run(mut world: World, asked: &Receiver<Ask>, shown: &RwLock<Arc<str>>) {
     let pace = Duration::from_secs_f64(world.pace());
     let mut next = Instant::now() + pace;
     loop {
-        match asked.recv_timeout(next.saturating_duration_since(Instant::now())) {
-            Ok(ask) => world.answer(ask),
-            Err(RecvTimeoutError::Disconnected) => return,
-            Err(RecvTimeoutError::Timeout) => {
-                if !world.paused() {
-                    world.step();
-                }
-                next = (next + pace).max(Instant::now());
+        let left = next.saturating_duration_since(Instant::now());
+        // Asks wait while a frame is due, however many they are.
+        if left.is_zero() {
+            if !world.paused() {
+                world.step();
+            }
+            next = (next + pace).max(Instant::now());
+        } else {
+            match asked.recv_timeout(left) {
+                Ok(ask) => world.answer(ask),
+                Err(RecvTimeoutError::Disconnected) => return,
+                Err(RecvTimeoutError::Timeout) => continue,
             }
         }
         *shown.write().unwrap_or_else(PoisonError::into_inner) = text(&mut world);

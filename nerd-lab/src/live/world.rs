@@ -1,6 +1,6 @@
 //! One robot under a solver that can be swapped, its truth as a ghost, and a hand that pulls at a link.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, Matrix3};
 use nerd_core::{dynamics::Axes, robot::FixedFrame};
 use nerd_tasks::Episodes;
 use nerd_train::evaluate::{Gaps, quantities};
@@ -10,7 +10,8 @@ use nerd_train::replay::{Replay, poses};
 use super::Ask;
 use crate::prelude::*;
 
-/// Stiffness of the hand over the robot's mass (1/s^2); its damping is critical for that mass.
+/// Stiffness of the hand over the robot's mass (1/s^2); its damping is critical for that mass. It is as strong at the end of a toe, so it is
+/// stepped implicitly.
 const PULL: f64 = 60.0;
 
 /// Who gives the torques.
@@ -40,6 +41,8 @@ impl Act {
 /// What is shown, and does as it is asked.
 pub struct World {
     act: Act,
+    /// As it was read: solvers are made for it, whatever friction it has now.
+    system: Arc<System>,
     start: Vec<f64>,
     settings: Vec<Setting>,
     solver: usize,
@@ -95,6 +98,7 @@ impl World {
             ghost: None,
             gaps: Gaps::new(&system),
             controller: Controller::new(&system),
+            system,
             hold: true,
             paused: false,
             pull: None,
@@ -126,6 +130,7 @@ impl World {
 
     /// Does what is asked; what cannot be done is said in [`Shown::trouble`].
     pub fn answer(&mut self, ask: Ask) {
+        self.trouble.clear();
         let mut done = Ok(());
         match ask {
             Ask::Pause { to } => self.paused = to,
@@ -146,7 +151,6 @@ impl World {
 
     /// One frame, or a policy's step. A solver that cannot go on stops the world.
     pub fn step(&mut self) {
-        self.trouble.clear();
         if let Err(error) = self.advance() {
             (self.trouble, self.paused) = (error.to_string(), true);
         }
@@ -171,7 +175,9 @@ impl World {
                 let (_, ended) = running.step(episodes, &actions, &mut Vec::new())?;
                 let torques = episodes.trace().torques;
                 if !ended.is_empty() {
-                    self.ghost = self.ghost.take().map(|ghost| begun(ghost, &episodes.simulation.batch));
+                    if let Some(ghost) = &mut self.ghost {
+                        ghost.reset(0, episodes.simulation.batch.state(0));
+                    }
                     self.frame = 0;
                     return Ok(());
                 }
@@ -181,9 +187,8 @@ impl World {
         self.cost[0] = 1e6 * began.elapsed().as_secs_f64();
         self.frame += 1;
         let Some(ghost) = &mut self.ghost else { return Ok(()) };
-        if let Some((force, link, local)) = pulled {
-            let seconds = self.act.seconds();
-            push(&mut ghost.batch, link, local, force * seconds);
+        if let (Some(impulse), Some((link, local, _))) = (pulled, self.pull) {
+            push(&mut ghost.batch, link, local, |_, _, _| impulse);
         }
         let began = Instant::now();
         let joints = ghost.batch.system.robot.joint_count().max(1);
@@ -195,20 +200,17 @@ impl World {
         Ok(())
     }
 
-    /// The hand's push at the robot, before the frame; its force, so that the ghost feels the same.
-    fn pulled(&mut self) -> Option<(Vector3<f64>, usize, Vector3<f64>)> {
-        let (link, local, target) = self.pull?;
-        let seconds = self.act.seconds();
-        let batch = &mut self.act.simulation().batch;
-        let robot = &batch.system.robot;
-        let (q, qd) = robot.split(batch.state(0));
-        let frame = fixed(link, local);
-        let place = robot.pose(batch.state(0), &frame).translation.vector;
-        let speed = robot.velocity(q, &qd.to_local(robot, q), &frame).lin;
-        let mass: f64 = robot.links.iter().map(|l| l.inertia.mass).sum();
-        let force = ((target - place) * PULL - speed * (2.0 * PULL.sqrt())) * mass;
-        push(batch, link, local, force * seconds);
-        Some((force, link, local))
+    /// The hand's push at the robot before the frame; its impulse (N s), so that the ghost feels the same.
+    fn pulled(&mut self) -> Option<Vector3<f64>> {
+        let ((link, local, target), dt) = (self.pull?, self.act.seconds());
+        let mass: f64 = self.system.robot.links.iter().map(|l| l.inertia.mass).sum();
+        // p = dt m (k (target - x - dt v') - c v') with v' = v + G p, for p.
+        let (spring, damper) = (dt * mass * PULL, dt * mass * (PULL * dt + 2.0 * PULL.sqrt()));
+        let hand = |place: Vector3<f64>, speed: Vector3<f64>, gives: Matrix3<f64>| {
+            let lhs = Matrix3::identity() + gives * damper;
+            lhs.lu().solve(&((target - place) * spring - speed * damper)).unwrap_or_default()
+        };
+        push(&mut self.act.simulation().batch, link, local, hand)
     }
 
     fn reset(&mut self) -> Result<()> {
@@ -226,33 +228,33 @@ impl World {
 
     fn swap(&mut self, to: usize) -> Result<()> {
         let Some(setting) = self.settings.get(to) else { bail!("there is no solver {to}; there are {}", self.settings.len()) };
+        let solver = setting.solver(&self.system)?;
         let simulation = self.act.simulation();
-        simulation.solver = setting.solver(&simulation.batch.system)?;
+        (simulation.solver, self.solver) = (solver, to);
         simulation.batch.forces.clear();
-        self.solver = to;
         Ok(())
     }
 
     fn haunt(&mut self, to: bool) -> Result<()> {
-        let batch = self.act.simulation().batch.clone();
-        let make = || Ok::<_, Error>(Simulation::new(Batch { forces: Vec::new(), ..batch.clone() }, self.truth.solver(&batch.system)?));
-        self.ghost = to.then(make).transpose()?;
+        self.ghost = None;
+        if to {
+            let solver = self.truth.solver(&self.system)?;
+            let batch = Batch { forces: Vec::new(), ..self.act.simulation().batch.clone() };
+            self.ghost = Some(Simulation { batch, solver });
+        }
         Ok(())
     }
 
     fn rub(&mut self, friction: f64) -> Result<()> {
-        let ghost = self.ghost.as_mut().map(|ghost| &mut ghost.batch);
-        for batch in [Some(&mut self.act.simulation().batch), ghost].into_iter().flatten() {
-            let mut system = (*batch.system).clone();
+        // What solvers have prepared is of the old friction.
+        let solvers = [self.settings[self.solver].solver(&self.system)?, self.truth.solver(&self.system)?];
+        let simulations = [Some(self.act.simulation()), self.ghost.as_mut()];
+        for (simulation, solver) in simulations.into_iter().zip(solvers).filter_map(|(simulation, solver)| Some((simulation?, solver))) {
+            let batch = &mut simulation.batch;
+            let (mut system, mut scene) = ((*batch.system).clone(), (*batch.scenes[0]).clone());
             system.spec.material.friction = friction;
-            let mut scene = (*batch.scenes[0]).clone();
             scene.colliders.iter_mut().for_each(|body| body.material.friction = friction);
-            (batch.system, batch.scenes[0]) = (system.into(), scene.into());
-        }
-        // What solvers have prepared is of the old robot.
-        self.swap(self.solver)?;
-        if let Some(ghost) = &mut self.ghost {
-            ghost.solver = self.truth.solver(&ghost.batch.system)?;
+            (batch.system, batch.scenes[0], simulation.solver) = (system.into(), scene.into(), solver);
         }
         Ok(())
     }
@@ -296,22 +298,25 @@ fn fixed(link: usize, local: Vector3<f64>) -> FixedFrame {
     FixedFrame { name: String::new(), link: Some(link), pose: Isometry3::from_parts(local.into(), Default::default()) }
 }
 
-/// Pushes at a point of a link (m, its axes): velocities change by `M^-1 J^T impulse` (N s, world axes), so that any solver feels it.
-fn push(batch: &mut Batch, link: usize, local: Vector3<f64>, impulse: Vector3<f64>) {
+/// Pushes at a point of a link (m, its axes) with the impulse (N s, world axes) that `hand` says of its place, its velocity and how much velocity
+/// an impulse there gives: velocities change by `M^-1 J^T impulse`, so any solver feels it. None where the mass matrix cannot be solved.
+fn push(
+    batch: &mut Batch,
+    link: usize,
+    local: Vector3<f64>,
+    hand: impl FnOnce(Vector3<f64>, Vector3<f64>, Matrix3<f64>) -> Vector3<f64>,
+) -> Option<Vector3<f64>> {
     let system = batch.system.clone();
-    let (robot, mut data) = (&system.robot, system.data());
+    let (robot, mut data, frame) = (&system.robot, system.data(), fixed(link, local));
+    let place = robot.pose(batch.state(0), &frame).translation.vector;
     let (q, qd) = robot.split_mut(batch.state_mut(0));
-    let jacobian = data.jacobian(robot, q, &fixed(link, local), Axes::World);
-    let along: DVector<f64> = jacobian.fixed_rows::<3>(3).tr_mul(&impulse);
-    let mass = data.mass_matrix(robot, q).clone();
-    let Some(change) = mass.cholesky().map(|mass| mass.solve(&along)) else { return };
-    let mut local = qd.into_local(robot, q);
-    local.accelerate(change.iter(), 1.0);
-    local.into_twist(robot, q);
-}
-
-/// A ghost that begins where `batch` is.
-fn begun(mut ghost: Simulation, batch: &Batch) -> Simulation {
-    ghost.reset(0, batch.state(0));
-    ghost
+    let jacobian: DMatrix<f64> = data.jacobian(robot, q, &frame, Axes::World).rows(3, 3).into_owned();
+    let moves = data.mass_matrix(robot, q).clone().cholesky()?.solve(&jacobian.transpose());
+    let gives: Matrix3<f64> = (&jacobian * &moves).fixed_view::<3, 3>(0, 0).into();
+    let mut velocity = qd.into_local(robot, q);
+    let speed = Vector3::from_iterator(jacobian.row_iter().map(|row| row.iter().zip(velocity.0.iter()).map(|(a, b)| a * b).sum::<f64>()));
+    let impulse = hand(place, speed, gives);
+    velocity.accelerate((moves * impulse).iter(), 1.0);
+    velocity.into_twist(robot, q);
+    Some(impulse)
 }

@@ -36,20 +36,14 @@ pub struct TerrainSpec {
     /// Distance of its nodes (m); it repeats after 128.
     #[serde(default = "cell")]
     pub cell: f64,
-    /// Depth of a step, or length of a wave (m).
-    #[serde(default = "length")]
-    pub length: f64,
-    /// Seed of what is drawn.
-    #[serde(default)]
-    pub seed: u64,
+    /// Depth of a step, or length of a wave (m), of those kinds alone; none: 1 m, or what cells allow.
+    pub length: Option<f64>,
+    /// Seed of rubble; none: 0.
+    pub seed: Option<u64>,
 }
 
 fn cell() -> f64 {
     0.1
-}
-
-fn length() -> f64 {
-    1.0
 }
 
 impl TerrainSpec {
@@ -57,7 +51,20 @@ impl TerrainSpec {
     pub fn check(&self) -> Result<(), String> {
         within("`height`", self.height, 0.0..=10.0, "m")?;
         within("`cell`", self.cell, 1e-3..=10.0, "m")?;
-        within("`length`", self.length, self.cell..=NODES as f64 * self.cell, "m")
+        match (self.kind, self.length, self.seed) {
+            (TerrainKind::Rubble, Some(_), _) => Err("`length` is of steps, slopes and waves; leave it out for rubble".into()),
+            (TerrainKind::Rubble, None, _) => Ok(()),
+            (_, _, Some(_)) => Err("`seed` is of rubble, since nothing else is drawn; leave it out".into()),
+            _ => within("`length`", self.depth(), self.depths(), "m"),
+        }
+    }
+
+    fn depths(&self) -> std::ops::RangeInclusive<f64> {
+        self.cell..=NODES as f64 * self.cell
+    }
+
+    fn depth(&self) -> f64 {
+        self.length.unwrap_or(1.0f64.clamp(*self.depths().start(), *self.depths().end()))
     }
 }
 
@@ -102,8 +109,8 @@ impl Field {
         if let Some((_, field)) = last.as_ref().filter(|(known, _)| known == spec) {
             return Ok(field.clone());
         }
-        let TerrainSpec { kind, height, cell, length, seed } = *spec;
-        let (mut rng, side) = (stream(seed, 0), NODES as f64 * cell);
+        let (TerrainSpec { kind, height, cell, seed, .. }, length) = (*spec, spec.depth());
+        let (mut rng, side) = (stream(seed.unwrap_or(0), 0), NODES as f64 * cell);
         let wave = TAU * (side / length).round().max(1.0) / side;
         let heights = (0..NODES * NODES).map(|k| {
             let [x, y] = [k / NODES, k % NODES].map(|i| i as f64 * cell);

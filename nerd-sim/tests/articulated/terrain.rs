@@ -54,7 +54,7 @@ fn what_is_passed_over_is_not_the_nearest() {
 /// On heights of 0 everything moves as on the plane.
 #[test]
 fn flat_terrain_is_the_plane() {
-    let none = TerrainSpec { kind: TerrainKind::Rubble, height: 0.0, cell: 0.1, length: 1.0, seed: 0 };
+    let none = TerrainSpec { kind: TerrainKind::Rubble, height: 0.0, cell: 0.1, length: None, seed: None };
     for name in ["cube", "ant"] {
         let system = Arc::new((*built_in(name)).clone().with_terrain(none).expect("in range"));
         let state = start(&system, Start::Reset, &mut stream(2, 0));
@@ -72,7 +72,7 @@ fn a_ball_rolls_down_a_slope() {
     let (radius, mass, rise) = (0.1, 1.0, 0.2f64);
     let body =
         Body { mass, inertia: [0.4 * mass * radius * radius; 3], shape: format!(r#"<sphere radius="{radius}"/>"#), ..Body::default() };
-    let slopes = TerrainSpec { kind: TerrainKind::Slopes, height: rise, cell: 0.1, length: 1.0, seed: 0 };
+    let slopes = TerrainSpec { kind: TerrainKind::Slopes, height: rise, cell: 0.1, length: Some(1.0), seed: None };
     let system = Arc::new((*body.system().expect("a ball")).clone().with_terrain(slopes).expect("in range"));
     let angle = rise.atan();
     let normal = Vector3::new(-angle.sin(), 0.0, angle.cos());

@@ -13,7 +13,7 @@ pub fn built_in(name: &str) -> Arc<System> {
 
 /// A built-in robot that has the scene `terrain`: rubble of 10 cm.
 pub fn on_rubble(name: &str) -> Arc<System> {
-    let rubble = TerrainSpec { kind: TerrainKind::Rubble, height: 0.1, cell: 0.2, length: 1.0, seed: 4 };
+    let rubble = TerrainSpec { kind: TerrainKind::Rubble, height: 0.1, cell: 0.2, length: None, seed: Some(4) };
     Arc::new((*built_in(name)).clone().with_terrain(rubble).expect("in range"))
 }
 

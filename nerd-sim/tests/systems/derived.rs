@@ -131,7 +131,6 @@ fn what_stands_keeps_its_feet() {
     assert!((system.default_state()[2] - 0.34).abs() < 1e-6, "stands at {} m", system.default_state()[2]);
 }
 
-/// A cylinder as a robot, from a coin to a column: some start is clear of the ground.
 /// Gaps are counted from the middles of balls, and those of small feet are nearer to the ground than a belly is large.
 #[test]
 fn small_feet_beside_a_large_belly_start_clear_of_the_ground() {
@@ -148,6 +147,7 @@ fn small_feet_beside_a_large_belly_start_clear_of_the_ground() {
     }
 }
 
+/// A cylinder as a robot, from a coin to a column: some start is clear of the ground.
 #[test]
 fn a_cylinder_alone_is_a_robot() {
     for length in [0.005, 0.1, 0.12, 0.15, 1.0] {

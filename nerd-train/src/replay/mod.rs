@@ -6,7 +6,7 @@ mod solids;
 pub use page::{Ground, Replay, Track, poses};
 // For pages that hold several.
 #[doc(hidden)]
-pub use page::{SCRIPT, escape, script};
+pub use page::{SCRIPT, escape, fill, script};
 pub use solids::Solid;
 
 use crate::ppo::{Actor, Policy, Running};

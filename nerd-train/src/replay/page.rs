@@ -121,7 +121,7 @@ impl Replay {
     /// As a page of its own.
     pub fn html(&self) -> String {
         let title = escape(&self.title);
-        PAGE.replace("TITLE", &title).replace("SCRIPT", SCRIPT).replace("DATA", &script(self))
+        fill(PAGE, &[("TITLE", &title), ("SCRIPT", SCRIPT), ("DATA", &script(self))])
     }
 }
 
@@ -131,6 +131,12 @@ pub fn poses(batch: &Batch) -> Vec<[f32; 7]> {
     let mut data = Data::new(robot);
     kinematics(robot, batch.state(0), &mut data);
     (0..robot.links.len()).map(|link| numbers(&link_pose(&data, link))).collect()
+}
+
+/// A template with its `@@NAME@@` filled in, once through: what is filled in is not searched.
+pub fn fill(template: &str, parts: &[(&str, &str)]) -> String {
+    let part = |name: &str| parts.iter().find(|(own, _)| *own == name).map_or("", |(_, text)| text);
+    template.split("@@").enumerate().map(|(k, piece)| if k % 2 == 1 { part(piece) } else { piece }).collect()
 }
 
 /// JSON for a script, without `<`.

@@ -35,6 +35,8 @@ const NEAR: f64 = 0.1;
 /// Torque of a motor that no file knows: what bears the robot's weight on one foot at this share of the joint's distance to it, or so many times
 /// what moves with the joint, held at arm's length.
 const BEARS: f64 = 0.75;
+/// Least effort that is guessed, over the largest of the robot.
+const LEAST: f64 = 0.05;
 const HOLDS: f64 = 3.0;
 /// Error (rad) at which a position law asks for a motor's whole effort.
 const LEAN: f64 = 1.0;
@@ -293,7 +295,10 @@ fn efforts(robot: &Robot, data: &Data, lows: &[f64], ground: f64) -> Vec<f64> {
         let own: f64 = (link..n).filter(|k| over(*k, link)).map(own).sum();
         rounded(GRAVITY * (BEARS * robot.mass() * foot).max(HOLDS * own))
     };
-    (first..n).zip(robot.joints()).map(effort).collect()
+    let all: Vec<f64> = (first..n).zip(robot.joints()).map(effort).collect();
+    // One that turns about what it carries bears nothing, and has a motor all the same.
+    let least = rounded(LEAST * all.iter().copied().fold(0.0, f64::max));
+    all.into_iter().zip(robot.joints()).map(|(x, joint)| if joint.effort.is_finite() { x } else { x.max(least) }).collect()
 }
 
 /// The inertia of a motor's rotor at its joint (kg m^2 or kg); where its file says too little, of one of that effort, or 0.
