@@ -66,9 +66,15 @@ fn a_hand_lifts_the_robot_under_every_solver_and_gravity_brings_it_down() {
         let target = Vector3::from(lies.map(f64::from)) + up;
         world.answer(Ask::Drag { link: 0, local: [0.0; 3], target: target.into() });
         let held = height(steps(&mut world, 180));
-        // A spring whose stiffness is 60 times the mass gives by g / 60 under the weight: 0.164 m.
-        let (sag, law) = (1.0 - (held - height(lies)), 9.81 / 60.0);
-        assert!((sag - law).abs() < 0.03, "solver {solver}: the robot hangs {sag} m below the hand, by the spring's law {law}");
+        // A spring whose stiffness is 60 times the mass gives by g / 60 under the weight: 0.164 m. It pulls once a frame, after which the robot rises at
+        // g dt at most before it sinks again, and the damper takes that for motion.
+        let (sag, dt) = (1.0 - (held - height(lies)), 1.0 / 60.0);
+        let law = 9.81 / 60.0;
+        let most = law * (1.0 + (2.0 * 60f64.sqrt() + 60.0 * dt) * dt);
+        assert!(
+            (law - 0.005..most + 0.005).contains(&sag),
+            "solver {solver}: it hangs {sag} m below the hand, by the laws {law} to {most}"
+        );
         world.answer(Ask::Release {});
         let down = height(steps(&mut world, 120));
         assert!(down < held - 0.5, "solver {solver}: released it is at {down}, held at {held}");

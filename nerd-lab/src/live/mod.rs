@@ -9,4 +9,4 @@ mod world;
 
 pub use ask::Ask;
 pub use server::Live;
-pub use world::{Act, World};
+pub use world::{Act, Shown, World};

@@ -1,6 +1,5 @@
 //! The page and its two questions, on this machine alone.
 
-use std::io::Read;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, PoisonError, RwLock};
 
