@@ -25,7 +25,8 @@ impl Model {
     #[new]
     fn new(folder: PathBuf) -> PyResult<Self> {
         let config = ModelConfig::read(&folder).map_err(value)?;
-        Ok(Self { folder, config })
+        // It stays the same wherever others work.
+        Ok(Self { folder: std::path::absolute(folder)?, config })
     }
 
     fn __fspath__(&self) -> String {

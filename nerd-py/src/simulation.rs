@@ -16,7 +16,10 @@ use crate::solver::Choice;
 use crate::system::{Named, System};
 use crate::threads;
 
-/// n environments of one system, and the solver that steps them. It may be used from several threads.
+/// n environments of one system, and the solver that steps them.
+///
+/// Several threads may call its methods, which wait for each other. Its `states` have no lock: nobody reads or writes them while another
+/// thread steps.
 ///
 /// Simulation(system, scene=None, n=1, solver="articulated", device="cpu", seed=0)
 ///
@@ -81,7 +84,7 @@ impl Simulation {
         }
         // Twice the states, forces, and what a solver keeps of one.
         bounds::memory(&[("n", n)], 32 * system.robot.state_dim() + 24 * system.robot.contact_points.len() + 1024).map_err(value)?;
-        let scene = system.scene(scene.or(system.spec.data_scene.as_deref()).unwrap_or("free")).map_err(value)?;
+        let scene = system.scene(scene.unwrap_or(named.data_scene())).map_err(value)?;
         let batch = Batch::new(&system, &scene, n);
         let simulation = nerd_sim::prelude::Simulation { batch, solver: choice.solver(&system, n)? };
         let states = simulation.batch.states.as_ptr() as usize;
@@ -107,8 +110,9 @@ impl Simulation {
         done?.map_err(step)
     }
 
-    /// The states [q, qd], float64 [n, nq + nv]: no copy but the batch's own memory, which every step writes to. Who writes to it calls
-    /// reset() with these states after a solver that remembers ("neural").
+    /// The states [q, qd], float64 [n, nq + nv]: no copy but the batch's own memory, which every step writes to. Nobody reads or writes
+    /// it while another thread steps. A model of several frames remembers them: after you have written to it, call
+    /// reset(states=states).
     #[getter]
     fn states<'py>(this: Bound<'py, Self>) -> Bound<'py, PyArray2<f64>> {
         let own = this.get();

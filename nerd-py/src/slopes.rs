@@ -12,13 +12,24 @@ use crate::simulation::{Inner, Simulation};
 /// Arrays of a frame: next states, and gradients by states and torques.
 type Back<'py> = (Floats<'py>, Floats<'py>, Floats<'py>);
 
+/// A simulation at other states, and its own, which it gets back whatever happens: numpy arrays point at them.
+struct Lent<'a> {
+    own: Vec<f64>,
+    simulation: &'a mut nerd_sim::prelude::Simulation,
+}
+
+impl Drop for Lent<'_> {
+    fn drop(&mut self) {
+        std::mem::swap(&mut self.simulation.batch.states, &mut self.own);
+    }
+}
+
 impl Inner {
     /// What is found from states, which are the batch's own for as long as that takes.
     fn at<T>(&mut self, states: Vec<f64>, find: impl FnOnce(&mut nerd_sim::prelude::Simulation) -> T) -> T {
         let own = std::mem::replace(&mut self.simulation.batch.states, states);
-        let found = find(&mut self.simulation);
-        self.simulation.batch.states = own;
-        found
+        let lent = Lent { own, simulation: &mut self.simulation };
+        find(&mut *lent.simulation)
     }
 }
 

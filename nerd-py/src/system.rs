@@ -1,6 +1,6 @@
 //! Robots.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use pyo3::prelude::*;
@@ -22,8 +22,10 @@ pub struct System {
 
 impl System {
     /// One that was read by this name.
-    pub fn of(name: &str, system: Arc<nerd_sim::prelude::System>) -> Self {
-        Self { system, source: name.into() }
+    pub fn of(name: &Path, system: Arc<nerd_sim::prelude::System>) -> Self {
+        // A file stays the same wherever others work. Names that are built in have no ending, those of files do.
+        let file = name.extension().and_then(|_| std::path::absolute(name).ok());
+        Self { system, source: file.as_deref().unwrap_or(name).to_string_lossy().into_owned() }
     }
 }
 
@@ -31,13 +33,10 @@ impl System {
 impl System {
     #[new]
     fn new(name: PathBuf) -> PyResult<Self> {
-        let system = nerd_sim::prelude::System::named(&name.to_string_lossy()).map_err(value)?;
-        // A file stays the same wherever others work.
-        let source = if name.exists() { std::path::absolute(&name).unwrap_or(name) } else { name };
-        Ok(Self { system, source: source.to_string_lossy().into_owned() })
+        Ok(Self::of(&name, nerd_sim::prelude::System::named(&name.to_string_lossy()).map_err(value)?))
     }
 
-    /// The name or the path that it was read by.
+    /// The name that it was read by, or the absolute path.
     #[getter]
     fn source(&self) -> &str {
         &self.source
@@ -96,6 +95,12 @@ impl System {
     #[getter]
     fn scenes(&self) -> Vec<&str> {
         self.system.scene_names()
+    }
+
+    /// Name of the scene that a simulation has where none is named: the one of the robot's data, or free space.
+    #[getter]
+    pub fn data_scene(&self) -> &str {
+        self.system.spec.data_scene.as_deref().unwrap_or("free")
     }
 
     /// What was taken for granted of the robot's file, a line each.

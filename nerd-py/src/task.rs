@@ -55,7 +55,7 @@ impl Task {
         if !bounds::STARTS.contains(&(n as u64)) {
             return Err(value(format!("n={n}: from {} to {} environments", bounds::STARTS.start(), bounds::STARTS.end())));
         }
-        let system = System::of(task.robot(), task.system().map_err(value)?);
+        let system = System::of(task.robot().as_ref(), task.system().map_err(value)?);
         bounds::memory(&[("n", n)], 64 * (system.system.robot.state_dim() + task.observation_dim()) + 1024).map_err(value)?;
         let (about, arena) = (task.about(), Choice::new(solver, device)?.arena(&name, task.robot())?);
         threads::here(n)?;

@@ -28,7 +28,9 @@ impl Provenance {
     /// Of this process.
     pub fn now(seed: u64) -> Self {
         let args = std::env::args().skip(1).map(without_folders).collect::<Vec<_>>().join(" ");
-        let (commit, command, date) = (COMMIT.clone(), format!("cargo xtask {args}"), Utc::now().date_naive().to_string());
+        // Those of Python have the module's name.
+        let program = if args.contains("-m nerd ") { "python" } else { "cargo xtask" };
+        let (commit, command, date) = (COMMIT.clone(), format!("{program} {args}"), Utc::now().date_naive().to_string());
         Self { commit, command, seed, machine: machine(), date }
     }
 

@@ -111,7 +111,8 @@ impl Entry {
 
 /// A command line without what does not change a result: how it is called and where it writes.
 fn plain(command: &str) -> String {
-    let mut words = command.strip_prefix("cargo xtask ").unwrap_or(command).split_whitespace();
+    let called = ["cargo xtask ", "python -m nerd "].into_iter().find_map(|program| command.strip_prefix(program));
+    let mut words = called.unwrap_or(command).split_whitespace();
     let mut kept = Vec::new();
     while let Some(word) = words.next() {
         match word {

@@ -40,6 +40,9 @@ class System:
     @property
     def scenes(self) -> list[str]: ...
     @property
+    def data_scene(self) -> str:
+        """The scene of a simulation where none is named."""
+    @property
     def notes(self) -> list[str]: ...
 
 class Simulation:
@@ -65,7 +68,7 @@ class Simulation:
         """[n, 3] (N), world axes, mean of the last frame."""
     @property
     def states(self) -> Floats:
-        """[n, nq + nv], the batch's own memory."""
+        """[n, nq + nv], the batch's own memory; nobody reads or writes it while another thread steps."""
     @property
     def frames(self) -> NDArray[np.uint64]: ...
     @property

@@ -6,9 +6,14 @@ import subprocess
 import sys
 import tempfile
 from collections import deque
+from functools import partial
 from pathlib import Path
 
 from ._nerd import Model, Policy, System
+
+
+# Text in TOML, of which JSON's is a part as long as it has no surrogates.
+_text = partial(json.dumps, ensure_ascii=False)
 
 
 def _word(value):
@@ -31,12 +36,19 @@ def run(*verb, **options):
             words.append(",".join(map(_word, value)) if isinstance(value, (list, tuple)) else _word(value))
     command = [sys.executable, "-m", "nerd", *words, "--json"]
     told = deque(maxlen=20)
-    with tempfile.TemporaryFile("w+") as out:
-        with subprocess.Popen(command, stdout=out, stderr=subprocess.PIPE, text=True) as process:
-            for line in process.stderr:
-                told.append(line)
-                if not line.startswith("error: "):
-                    sys.stderr.write(line)
+    with tempfile.TemporaryFile("w+", encoding="utf-8") as out:
+        with subprocess.Popen(command, stdout=out, stderr=subprocess.PIPE, encoding="utf-8") as process:
+            try:
+                for line in process.stderr:
+                    told.append(line)
+                    if not line.startswith("error: "):
+                        sys.stderr.write(line)
+                process.wait()
+            except BaseException:
+                # Whoever is interrupted here leaves no process that goes on writing.
+                process.terminate()
+                process.wait()
+                raise
         out.seek(0)
         said = out.read()
     if process.returncode:
@@ -66,7 +78,8 @@ def record(folder, system, states, tau, scene=None, about="recorded"):
     """Writes trajectories as a recording, which `train(data=)`, `evaluate(data=)` and `calibrate` read: `folder`/log.toml and arrays.
 
     states: float64 [trajectories, rows, nq + nv], one row a frame; tau: float64 [trajectories, rows, joints], each held from its row
-    to the next. The last row's says nothing. system: a System or the name or path of one.
+    to the next. The last row's says nothing. system: a System or the name or path of one. scene: a name; None is the one that a
+    Simulation has without a name.
     """
     import numpy as np
 
@@ -77,21 +90,21 @@ def record(folder, system, states, tau, scene=None, about="recorded"):
         raise ValueError(f"states {states.shape} and tau {tau.shape}: [trajectories, rows, {nq + nv}] and [.., .., {joints}] are needed")
     q, qd, free = states[..., :nq], states[..., nq:], nq - joints
     arrays = {"position": q[..., free:], "velocity": qd[..., nv - joints :], "torque": tau}
-    lines = [f"about = {json.dumps(about)}", 'file = "log.npz"', f"robot = {json.dumps(system.source)}"]
-    lines += [f"scene = {json.dumps(scene)}"] if scene else []
+    lines = [f"about = {_text(about)}", 'file = "log.npz"', f"robot = {_text(system.source)}"]
+    lines.append(f"scene = {_text(system.data_scene if scene is None else scene)}")
     if free:
         # A state has the twist about the world's origin, a log the velocity of the root's own.
         arrays["root"] = q[..., :7]
         arrays["root_velocity"] = qd[..., 3:6] + np.cross(qd[..., :3], q[..., :3])
         arrays["root_angular"] = qd[..., :3]
-        names = lambda array, of: json.dumps([f"{array}.{k}" for k in of])
+        names = lambda array, of: _text([f"{array}.{k}" for k in of])
         lines += ["[root]", f"position = {names('root', range(3))}", f"quaternion = {names('root', range(3, 7))}", 'order = "xyzw"']
         lines += [f"velocity = {names('root_velocity', range(3))}", f"angular = {names('root_angular', range(3))}", 'axes = "world"']
     for k, joint in enumerate(system.joints):
-        lines += ["[[joint]]", f"name = {json.dumps(joint)}"]
+        lines += ["[[joint]]", f"name = {_text(joint)}"]
         lines += [f'position = "position.{k}"', f'velocity = "velocity.{k}"', f'torque = "torque.{k}"']
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     np.savez_compressed(folder / "log.npz", **arrays)
-    (folder / "log.toml").write_text("\n".join(lines) + "\n")
+    (folder / "log.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
     return folder / "log.toml"
