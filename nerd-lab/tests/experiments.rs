@@ -7,7 +7,7 @@ use nerd_lab::experiments::motions::{MotionErrors, Motions, Row as MotionRow};
 use nerd_lab::experiments::passive::{Case, Passive, Protocol, Row, Rows, unworthy};
 use nerd_lab::experiments::{Entry, Experiment, conduct};
 use nerd_lab::report::manifest::{Entry as Made, Manifest};
-use nerd_lab::report::{Artifact, write_json};
+use nerd_lab::report::{Artifact, Inputs, write_json};
 use nerd_lab::{choice::Choice, experiments::chart::Chart, experiments::games::games, experiments::judges::Judges};
 use nerd_model::{base::Base, pick::Setting, transformer::Storage};
 use nerd_sim::prelude::*;
@@ -344,4 +344,12 @@ fn a_policy_is_played_on_robots_of_a_family() {
         let said = settings(&all).and_then(|e| e.about().map(|_| ())).expect_err("refused").to_string();
         assert!(said.contains(why), "{set:?}: {said}");
     }
+}
+
+/// The scene of such a task is none of its robot's.
+#[test]
+fn games_on_a_terrain_of_a_task_say_what_they_depend_on() {
+    let mut inputs = Inputs::default();
+    nerd_lab::experiments::games::depend(&mut inputs, "rough@anymal", Truth::Articulated).expect("inputs");
+    assert_eq!(inputs.0.len(), 2, "a robot and a motion: {inputs:?}");
 }

@@ -91,14 +91,22 @@ pub fn input_of(task: &str, arena: &Arena) -> Result<Input> {
     let setting = match arena {
         Arena::Model { folder, .. } | Arena::Guess(Guess { folder, .. }) => return Input::model(folder),
         Arena::Truth(truth) => (*truth).into(),
-        Arena::Family(truth, family, _) => return Input::motion(&family.name, named(task)?.scene(), &(*truth).into()),
+        Arena::Family(truth, family, _) => return Input::motion(&family.name, &scene(task, &family.name)?, &(*truth).into()),
         Arena::Judge(setting) => setting.clone(),
         #[cfg(feature = "cuda")]
         Arena::Card(setting) => setting.clone(),
         Arena::Guest(name, _) => bail!("{name} is known by its name alone"),
     };
+    let robot = named(task)?.robot().to_string();
+    Input::motion(&robot, &scene(task, &robot)?, &setting)
+}
+
+/// The scene by which it is seen how a solver moves. A task's own terrain, whose text a policy has in its folder, is no scene of its robot: there
+/// the plane.
+fn scene(task: &str, robot: &str) -> Result<String> {
     let task = named(task)?;
-    Input::motion(task.robot(), task.scene(), &setting)
+    let known = System::named(robot)?.scene(task.scene()).is_ok();
+    Ok(if known { task.scene() } else { "plane" }.into())
 }
 
 /// Plays so many games of a task under mean actions. Games of the same seed begin alike, wherever they are played.
