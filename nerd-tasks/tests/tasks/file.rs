@@ -63,13 +63,13 @@ fn what_is_wrong_with_a_file_is_said_with_its_place() {
         text.replace(change.0, change.1)
     };
     let cases = [
-        (("\"up\"", "\"upp\""), "observation.1, column 1: no word `upp`: choose from ahead, aside, turn, asked, "),
-        (("\"q - rest\"", "\"q - 2 * velocity\""), "observation.3, column 5: 12 numbers with 3: as many are needed, or one"),
+        (("\"up\"", "\"upp\""), "observation.2, column 1: no word `upp`: choose from ahead, aside, turn, asked, "),
+        (("\"q - rest\"", "\"q - 2 * velocity\""), "observation.4, column 5: 12 numbers with 3: as many are needed, or one"),
         (("max(0, 0.3", "max(0, (0.3"), "reward, column "),
         (("max(0, 0.3", "pow(0.3, 0.3"), "reward, column 8: no function `pow`: choose from exp, "),
         (("step * max(0,", "q + max(0,"), "reward: one number is needed, and this has 12; write sum(..) or mean(..)"),
         (("height < 0.4 * standing", "torque[0] < 1"), "over, column 16: `torque` is known in the reward alone"),
-        (("gap[body]", "gap[\\\"wing\\\"]"), "over, column 54: no link with contact points `wing`: choose from "),
+        (("gap[body]", "gap[\\\"wing\\\"]"), "over, column 51: no link with contact points `wing`: choose from "),
         (("bent = ", "bent = \"1 + bent\"\n#"), "let.bent, column 5: `bent` speaks of itself"),
         (("ahead = ", "mass = "), "command.mass: there is a word `mass`; choose another name"),
         (("frames = 4", "frames = 0"), "its `about` has frames: 0; at least 1 is needed"),
@@ -77,7 +77,7 @@ fn what_is_wrong_with_a_file_is_said_with_its_place() {
         (("frames = 4", "levels = 4\nframes = 4"), "levels: an episode that succeeds by `miss` goes on to higher [terrain]"),
         (("[let]", "[terrain]\nkind = \"mud\"\nheight = 1.0\n[let]"), "unknown variant `mud`, expected one of `rubble`"),
         (("[let]", "[terrain]\nkind = \"waves\"\nheight = -1.0\n[let]"), "terrain: `height` is -1 m; a number from 0 to 10 is needed"),
-        (("\"up\"", "\"scan(q, [0])\""), "observation.1, column 6: known numbers are needed"),
+        (("\"up\"", "\"scan(q, [0])\""), "observation.2, column 6: known numbers are needed"),
         (("\"U(-1, 1)\"       #", "1 #"), "a range \"U(low, high)\" is needed, or a list of them"),
     ];
     let mut wrong = Vec::new();
