@@ -5,13 +5,12 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use nerd_sim::prelude::{Batch, Start, System as Robot, start, stream};
 use nerd_sim::solver::Fault;
-use nerd_train::bounds;
 use numpy::ndarray::ArrayView2;
 use numpy::{PyArray2, PyArrayDyn};
 use pyo3::prelude::*;
 
 use crate::arrays::{Floats, made, numbers};
-use crate::error::{step, value};
+use crate::error::{room, step, value};
 use crate::solver::Choice;
 use crate::system::{Named, System};
 use crate::threads;
@@ -79,11 +78,8 @@ impl Simulation {
         let named = system.read()?;
         let system = named.system.clone();
         let choice = Choice::new(solver, device)?;
-        if !bounds::STARTS.contains(&(n as u64)) {
-            return Err(value(format!("n={n}: from {} to {} environments", bounds::STARTS.start(), bounds::STARTS.end())));
-        }
         // Twice the states, forces, and what a solver keeps of one.
-        bounds::memory(&[("n", n)], 32 * system.robot.state_dim() + 24 * system.robot.contact_points.len() + 1024).map_err(value)?;
+        room(n, 32 * system.robot.state_dim() + 24 * system.robot.contact_points.len() + 1024)?;
         let scene = system.scene(scene.unwrap_or(named.data_scene())).map_err(value)?;
         let batch = Batch::new(&system, &scene, n);
         let simulation = nerd_sim::prelude::Simulation { batch, solver: choice.solver(&system, n)? };

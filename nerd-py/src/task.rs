@@ -4,12 +4,11 @@ use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
 use nerd_tasks::{Episodes, StepResult};
-use nerd_train::bounds;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 
 use crate::arrays::{Floats, made, numbers};
-use crate::error::{step, value};
+use crate::error::{room, step, value};
 use crate::solver::Choice;
 use crate::system::System;
 use crate::threads;
@@ -52,11 +51,8 @@ impl Task {
         let name = format!("{}{robot}", name.display());
         let task = nerd_tasks::named(&name).map_err(value)?;
         task.about().check().map_err(value)?;
-        if !bounds::STARTS.contains(&(n as u64)) {
-            return Err(value(format!("n={n}: from {} to {} environments", bounds::STARTS.start(), bounds::STARTS.end())));
-        }
         let system = System::of(task.robot().as_ref(), task.system().map_err(value)?);
-        bounds::memory(&[("n", n)], 64 * (system.system.robot.state_dim() + task.observation_dim()) + 1024).map_err(value)?;
+        room(n, 64 * (system.system.robot.state_dim() + task.observation_dim()) + 1024)?;
         let (about, arena) = (task.about(), Choice::new(solver, device)?.arena(&name, task.robot())?);
         threads::here(n)?;
         let mut episodes = arena.part(task, 0..n, seed).map_err(value)?;

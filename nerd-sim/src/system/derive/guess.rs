@@ -35,9 +35,9 @@ const NEAR: f64 = 0.1;
 /// Torque of a motor that no file knows: what bears the robot's weight on one foot at this share of the joint's distance to it, or so many times
 /// what moves with the joint, held at arm's length.
 const BEARS: f64 = 0.75;
+const HOLDS: f64 = 3.0;
 /// Least effort that is guessed, over the largest of the robot.
 const LEAST: f64 = 0.05;
-const HOLDS: f64 = 3.0;
 /// Error (rad) at which a position law asks for a motor's whole effort.
 const LEAN: f64 = 1.0;
 /// Damping of that law, of its stiffness (s).
