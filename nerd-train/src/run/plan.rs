@@ -2,7 +2,7 @@
 //! anything is recorded or written.
 
 use nerd_model::chain::{self, Chain};
-use nerd_sim::{log::specified, vary};
+use nerd_sim::{dataset::Manifest, log::specified, vary};
 
 use super::*;
 use crate::progress;
@@ -36,9 +36,13 @@ impl Plan {
         let measured = config.log().map(|log| Measured::read(&log, config.held_out.as_deref().unwrap_or_default())).transpose()?;
         let system = config.system()?;
         progress::notes(&system);
-        let config = &match &measured {
-            Some(measured) => config.of(measured),
-            None => config.clone(),
+        let config = &match (&measured, &config.data) {
+            (Some(measured), _) => config.of(measured),
+            (None, Some(folder)) => {
+                let Manifest { trajectories, frames, .. } = Manifest::read(folder)?;
+                RunConfig { transitions: trajectories.saturating_mul(frames), ..config.clone() }
+            }
+            (None, None) => config.clone(),
         };
         let form = Form { base: config.base, view: config.view, told: config.told };
         let network = config.network(&system, form)?;
