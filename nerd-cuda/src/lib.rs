@@ -4,6 +4,7 @@
 //! other memory of the device. Work runs on two streams ([`Lane`]), each in order. Every call returns a [`DeviceError`] if the driver or a
 //! library fails.
 
+mod beside;
 mod compile;
 mod device;
 mod error;
@@ -13,6 +14,7 @@ mod precision;
 mod products;
 mod sums;
 
+pub use beside::Beside;
 pub use cudarc::driver::CudaEvent as Event;
 pub use device::{Arg, Device, Extent, Lane, ordinal, take};
 pub use error::DeviceError;

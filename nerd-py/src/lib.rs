@@ -2,6 +2,12 @@
 //! Python imports is in `python/nerd`.
 
 mod arrays;
+#[cfg(feature = "cuda")]
+mod card;
+#[cfg(feature = "cuda")]
+mod card_states;
+#[cfg(feature = "cuda")]
+mod card_task;
 mod error;
 mod model;
 mod simulation;
@@ -16,6 +22,9 @@ mod threads;
 mod _nerd {
     use pyo3::prelude::*;
 
+    #[cfg(feature = "cuda")]
+    #[pymodule_export]
+    use crate::card_task::CardTask;
     #[pymodule_export]
     use crate::model::{Model, Policy};
     #[pymodule_export]

@@ -4,12 +4,15 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use nerd_sim::prelude::{Batch, Start, System as Robot, start, stream};
-use nerd_sim::solver::Fault;
+use nerd_sim::solver::{Fault, StepError};
+use nerd_train::device::Device;
 use numpy::ndarray::ArrayView2;
 use numpy::{PyArray2, PyArrayDyn};
 use pyo3::prelude::*;
 
 use crate::arrays::{Floats, made, numbers};
+#[cfg(feature = "cuda")]
+use crate::card_states::Card;
 use crate::error::{room, step, value};
 use crate::solver::Choice;
 use crate::system::{Named, System};
@@ -20,12 +23,14 @@ use crate::threads;
 /// Several threads may call its methods, which wait for each other. Its `states` have no lock: nobody reads or writes them while another
 /// thread steps.
 ///
-/// Simulation(system, scene=None, n=1, solver="articulated", device="cpu", seed=0)
+/// Simulation(system, scene=None, n=1, solver="articulated", device="cpu", seed=0, xp=None)
 ///
 /// system: a System, or its name or path. scene: a name; None is the one of the robot's data, or free space.
 /// solver: "articulated", "settled" (the same, each substep solved to its end, for exact slopes), "rapier", "neural" (the model that
 /// comes with the project) or the path of a model's folder.
 /// seed: of the starts that are drawn, here and by reset().
+/// xp: with device="cuda" the library of arrays on the card, torch, say: states are one of its arrays, and so is tau. All else comes over
+/// the host.
 ///
 /// Raises ValueError, in one line, for what does not go together.
 #[pyclass(frozen, module = "nerd")]
@@ -36,6 +41,9 @@ pub struct Simulation {
     /// Address of the batch's states, which solvers write to and never move.
     states: usize,
     seed: u64,
+    device: Device,
+    #[cfg(feature = "cuda")]
+    card: Option<Card>,
     inner: Mutex<Inner>,
 }
 
@@ -51,7 +59,15 @@ impl Simulation {
     /// Works without Python's lock, on this thread alone.
     pub fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut Inner) -> T + Send) -> PyResult<T> {
         threads::here(self.n)?;
-        Ok(py.detach(|| work(&mut self.inner.lock().unwrap_or_else(PoisonError::into_inner))))
+        let done = py.detach(|| {
+            let mut inner = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
+            #[cfg(feature = "cuda")]
+            if let Some(card) = &self.card {
+                inner.faults = card.shared().pull(&mut inner.simulation)?;
+            }
+            Ok::<_, StepError>(work(&mut inner))
+        });
+        done.map_err(step)
     }
 
     /// The robot.
@@ -73,11 +89,26 @@ impl Simulation {
 #[pymethods]
 impl Simulation {
     #[new]
-    #[pyo3(signature = (system, scene=None, n=1, solver=PathBuf::from("articulated"), device="cpu", seed=0))]
-    fn new(py: Python<'_>, system: Named, scene: Option<&str>, n: usize, solver: PathBuf, device: &str, seed: u64) -> PyResult<Self> {
+    #[pyo3(signature = (system, scene=None, n=1, solver=PathBuf::from("articulated"), device="cpu", seed=0, xp=None))]
+    #[allow(clippy::too_many_arguments)]
+    fn new(
+        py: Python<'_>,
+        system: Named,
+        scene: Option<&str>,
+        n: usize,
+        solver: PathBuf,
+        device: &str,
+        seed: u64,
+        xp: Option<Py<PyAny>>,
+    ) -> PyResult<Self> {
         let named = system.read()?;
         let system = named.system.clone();
         let choice = Choice::new(solver, device)?;
+        match (choice.device != Device::Cpu, &xp) {
+            (true, None) => return Err(value("device=\"cuda\": name the library of its arrays, too, as in xp=torch")),
+            (false, Some(_)) => return Err(value("xp: arrays of another library are on the card alone: device=\"cuda\"")),
+            _ => {}
+        }
         // Twice the states, forces, and what a solver keeps of one.
         room(n, 32 * system.robot.state_dim() + 24 * system.robot.contact_points.len() + 1024)?;
         let scene = system.scene(scene.unwrap_or(named.data_scene())).map_err(value)?;
@@ -85,20 +116,47 @@ impl Simulation {
         let simulation = nerd_sim::prelude::Simulation { batch, solver: choice.solver(&system, n)? };
         let states = simulation.batch.states.as_ptr() as usize;
         let inner = Inner { simulation, drawn: vec![0; n], faults: Vec::new() };
-        let made = Self { named, system, n, states, seed, inner: Mutex::new(inner) };
+        #[allow(unused_mut)]
+        let mut made = Self {
+            named,
+            system,
+            n,
+            states,
+            seed,
+            device: choice.device,
+            #[cfg(feature = "cuda")]
+            card: None,
+            inner: Mutex::new(inner),
+        };
         made.reset(py, None, None)?;
+        #[cfg(feature = "cuda")]
+        if let Some(xp) = xp {
+            made.card = Some(made.with(py, |inner| Card::new(&mut inner.simulation, xp))?.map_err(step)?);
+        }
         Ok(made)
     }
 
-    /// step(tau): one frame under torques [n, joints] (N m or N), held over it, a numpy array of float64.
+    /// step(tau): one frame under torques [n, joints] (N m or N), held over it, a numpy array of float64, or one on the card.
     ///
-    /// Raises RuntimeError if environments could not be stepped: `faults` has them, they keep their states, all others were stepped.
+    /// Raises RuntimeError if environments could not be stepped: `faults` has them, they keep their states, all others were stepped. On a
+    /// card it waits for nothing and does not raise that; one of a model stays where it is until it is reset.
     fn step(&self, py: Python<'_>, tau: &Bound<'_, PyAny>) -> PyResult<()> {
+        #[cfg(feature = "cuda")]
+        if let Some(card) = &self.card {
+            let tau = card.torques(tau, &[self.n, self.widths()[0]])?;
+            let done = py.detach(|| {
+                let mut inner = self.inner.lock().unwrap_or_else(PoisonError::into_inner);
+                card.shared().step(&mut inner.simulation, tau)
+            });
+            done.map_err(step)?;
+            // Its stream now waits until tau is read.
+            return card.states(py, &[self.n, self.widths()[1]]).map(drop);
+        }
         let tau = numbers::<f64>("tau", tau, &[&[self.n, self.widths()[0]]])?;
         let done = self.with(py, |inner| {
             let done = inner.simulation.step(&tau);
             inner.faults.clear();
-            if let Err(nerd_sim::solver::StepError::Environments(faults)) = &done {
+            if let Err(StepError::Environments(faults)) = &done {
                 inner.faults.clone_from(faults);
             }
             done
@@ -108,15 +166,19 @@ impl Simulation {
 
     /// The states [q, qd], float64 [n, nq + nv]: no copy but the batch's own memory, which every step writes to. Nobody reads or writes
     /// it while another thread steps. A model of several frames remembers them: after you have written to it, call
-    /// reset(states=states).
+    /// reset(states=states). On a card it is an array of `xp` there, as little a copy.
     #[getter]
-    fn states<'py>(this: Bound<'py, Self>) -> Bound<'py, PyArray2<f64>> {
+    fn states<'py>(this: Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         let own = this.get();
         let shape = (own.n, own.widths()[1]);
+        #[cfg(feature = "cuda")]
+        if let Some(card) = &own.card {
+            return card.states(this.py(), &[shape.0, shape.1]);
+        }
         // SAFETY: the memory is a batch's, which lives and stays in place as long as `this`, the array's base.
         unsafe {
             let view = ArrayView2::from_shape_ptr(shape, own.states as *const f64);
-            PyArray2::borrow_from_array(&view, this.into_any())
+            Ok(PyArray2::borrow_from_array(&view, this.into_any()).into_any())
         }
     }
 
@@ -127,8 +189,9 @@ impl Simulation {
         let (n, [_, width]) = (self.n, self.widths());
         let mask = mask.map(|mask| numbers::<bool>("mask", mask, &[&[n]])).transpose()?;
         let states = states.map(|states| numbers::<f64>("states", states, &[&[n, width], &[width]])).transpose()?;
-        self.with(py, |Inner { simulation, drawn, .. }| {
-            for env in (0..n).filter(|env| mask.as_ref().is_none_or(|mask| mask[*env])) {
+        let done = self.with(py, |Inner { simulation, drawn, .. }| -> Result<(), StepError> {
+            let begun = || (0..n).filter(|env| mask.as_ref().is_none_or(|mask| mask[*env]));
+            for env in begun() {
                 match &states {
                     Some(states) => simulation.reset(env, &states[if states.len() == width { 0 } else { env * width }..][..width]),
                     None => {
@@ -138,7 +201,13 @@ impl Simulation {
                     }
                 }
             }
-        })
+            #[cfg(feature = "cuda")]
+            if let Some(card) = &self.card {
+                card.shared().begin(simulation, begun())?;
+            }
+            Ok(())
+        });
+        done?.map_err(step)
     }
 
     /// poses(name): where a link or a frame is in the world, float64 [n, 7]: position (m), quaternion x y z w.
@@ -170,12 +239,22 @@ impl Simulation {
         made(py, forces?.map_err(value)?.concat(), &[self.n, 3])
     }
 
-    /// swap(solver, device="cpu"): goes on with another solver from the same states.
-    #[pyo3(signature = (solver, device="cpu"))]
-    fn swap(&self, py: Python<'_>, solver: PathBuf, device: &str) -> PyResult<()> {
-        let choice = Choice::new(solver, device)?;
-        let solver = choice.solver(&self.system, self.n)?;
-        self.with(py, |inner| inner.simulation.solver = solver)
+    /// swap(solver): goes on with another solver from the same states, on the same device.
+    fn swap(&self, py: Python<'_>, solver: PathBuf) -> PyResult<()> {
+        let solver = Choice { word: solver, device: self.device }.checked()?.solver(&self.system, self.n)?;
+        let done = self.with(py, |inner| -> Result<(), StepError> {
+            #[allow(unused_variables)]
+            let before = std::mem::replace(&mut inner.simulation.solver, solver);
+            #[cfg(feature = "cuda")]
+            if let Some(card) = &self.card
+                && let Err(why) = card.hold(&mut inner.simulation)
+            {
+                inner.simulation.solver = before;
+                return Err(why);
+            }
+            Ok(())
+        });
+        done?.map_err(step)
     }
 
     /// The robot.

@@ -17,8 +17,8 @@ const SOLVES: usize = 1000;
 /// A solver by its name, "articulated", "settled" (the same, each substep solved to its end, for exact slopes), "rapier" or "neural" (the
 /// model that comes with the project), or by a model's folder; and where it is computed.
 pub struct Choice {
-    word: PathBuf,
-    device: Device,
+    pub word: PathBuf,
+    pub device: Device,
 }
 
 impl Choice {
@@ -33,10 +33,18 @@ impl Choice {
             "cuda" => return Err(value("device \"cuda\": this package was built without it; build it with `--features cuda`")),
             other => return Err(value(format!("device {other:?}: choose \"cpu\" or \"cuda\""))),
         };
-        if device != Device::Cpu && ["rapier", "settled"].into_iter().any(|name| word == Path::new(name)) {
-            return Err(value(format!("device \"cuda\": {} is on the CPU", word.display())));
+        Self { word, device }.checked()
+    }
+
+    /// Itself, if there is such a solver on the device.
+    ///
+    /// # Errors
+    /// If it is on the CPU alone.
+    pub fn checked(self) -> PyResult<Self> {
+        if self.device != Device::Cpu && ["rapier", "settled"].into_iter().any(|name| self.word == Path::new(name)) {
+            return Err(value(format!("device \"cuda\": {} is on the CPU", self.word.display())));
         }
-        Ok(Self { word, device })
+        Ok(self)
     }
 
     /// The solver of a system for so many environments.

@@ -31,6 +31,32 @@ pub struct Task {
     inner: Mutex<Episodes>,
 }
 
+/// What a task is, by its name.
+pub struct Read {
+    pub about: nerd_tasks::About,
+    pub name: String,
+    pub system: System,
+}
+
+/// A task by its name or path, and its episodes in n environments.
+///
+/// # Errors
+/// If there is no such task, robot or solver, or not as much memory.
+pub fn read(name: PathBuf, robot: Option<PathBuf>, n: usize, solver: PathBuf, device: &str, seed: u64) -> PyResult<(Read, Episodes)> {
+    let robot = robot.map(|robot| format!("@{}", robot.display())).unwrap_or_default();
+    let name = format!("{}{robot}", name.display());
+    let task = nerd_tasks::named(&name).map_err(value)?;
+    task.about().check().map_err(value)?;
+    let system = System::of(task.robot().as_ref(), task.system().map_err(value)?);
+    room(n, 64 * (system.system.robot.state_dim() + task.observation_dim()) + 1024)?;
+    let (about, arena) = (task.about(), Choice::new(solver, device)?.arena(&name, task.robot())?);
+    threads::here(n)?;
+    let mut episodes = arena.part(task, 0..n, seed).map_err(value)?;
+    // Nobody goes on with these from a file.
+    episodes.remember(0);
+    Ok((Read { about, name, system }, episodes))
+}
+
 impl Task {
     fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut Episodes) -> T + Send) -> PyResult<T> {
         threads::here(self.n)?;
@@ -47,17 +73,7 @@ impl Task {
     #[new]
     #[pyo3(signature = (name, robot=None, n=1, solver=PathBuf::from("articulated"), device="cpu", seed=0))]
     fn new(name: PathBuf, robot: Option<PathBuf>, n: usize, solver: PathBuf, device: &str, seed: u64) -> PyResult<Self> {
-        let robot = robot.map(|robot| format!("@{}", robot.display())).unwrap_or_default();
-        let name = format!("{}{robot}", name.display());
-        let task = nerd_tasks::named(&name).map_err(value)?;
-        task.about().check().map_err(value)?;
-        let system = System::of(task.robot().as_ref(), task.system().map_err(value)?);
-        room(n, 64 * (system.system.robot.state_dim() + task.observation_dim()) + 1024)?;
-        let (about, arena) = (task.about(), Choice::new(solver, device)?.arena(&name, task.robot())?);
-        threads::here(n)?;
-        let mut episodes = arena.part(task, 0..n, seed).map_err(value)?;
-        // Nobody goes on with these from a file.
-        episodes.remember(0);
+        let (Read { about, name, system }, episodes) = read(name, robot, n, solver, device, seed)?;
         Ok(Self { about, name, system, n, inner: Mutex::new(episodes) })
     }
 

@@ -174,6 +174,14 @@ def test_what_is_wrong_is_refused():
         nerd.make_vec("walk")
     with pytest.raises(ValueError, match="n=0"):
         nerd.make_vec("ant-run", n=0)
+    for options in ({"device": "cuda"}, {"xp": np}, {"device": "tpu", "xp": np}):
+        with pytest.raises(ValueError, match="xp="):
+            nerd.make_vec("ant-run", **options)
+    with pytest.raises(ValueError, match="cuda|same step"):
+        nerd.make_vec("ant-run", device="cuda", xp=np, autoreset_mode="NextStep")
+    # After which Stable-Baselines3 asks without it.
+    with pytest.raises(TypeError, match="render_mode"):
+        gymnasium.make("nerd/AntRun-v0", render_mode="rgb_array")
     env = nerd.make_vec("ant-run", n=2)
     with pytest.raises(gymnasium.error.ResetNeeded):
         env.step(np.zeros((2, 8)))

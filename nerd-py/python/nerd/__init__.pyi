@@ -1,13 +1,12 @@
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
-from gymnasium.vector import AutoresetMode
+from gymnasium.vector import AutoresetMode, VectorEnv
 from numpy.typing import NDArray
-
-from .gym import TaskVectorEnv
 
 Name = str | PathLike[str]
 Floats = NDArray[np.float64]
@@ -55,11 +54,12 @@ class Simulation:
         solver: Name = "articulated",
         device: str = "cpu",
         seed: int = 0,
+        xp: ModuleType | None = None,
     ) -> None: ...
-    def step(self, tau: Floats) -> None:
+    def step(self, tau: Floats | Any) -> None:
         """One frame under torques [n, joints] (N m or N)."""
     def reset(self, mask: Bools | None = None, states: Floats | None = None) -> None: ...
-    def swap(self, solver: Name, device: str = "cpu") -> None: ...
+    def swap(self, solver: Name) -> None: ...
     def poses(self, name: str) -> Floats:
         """[n, 7]: position (m), quaternion x y z w."""
     def velocities(self, name: str) -> Floats:
@@ -67,8 +67,8 @@ class Simulation:
     def contact_forces(self, link: str) -> Floats:
         """[n, 3] (N), world axes, mean of the last frame."""
     @property
-    def states(self) -> Floats:
-        """[n, nq + nv], the batch's own memory; nobody reads or writes it while another thread steps."""
+    def states(self) -> Floats | Any:
+        """[n, nq + nv], the batch's own memory; nobody reads or writes it while another thread steps. On a card an array of `xp`."""
     @property
     def frames(self) -> NDArray[np.uint64]: ...
     @property
@@ -151,8 +151,9 @@ def make_vec(
     *,
     solver: Name = "articulated",
     device: str = "cpu",
-    autoreset_mode: AutoresetMode = ...,
-) -> TaskVectorEnv: ...
+    autoreset_mode: AutoresetMode | str | None = None,
+    xp: ModuleType | None = None,
+) -> VectorEnv: ...
 def run(*verb: object, **options: object) -> Mapping[str, Any]: ...
 def train(robot: Name, out: Name, **options: object) -> Model: ...
 def train_policy(task: Name, out: Name, robot: Name | None = None, **options: object) -> Policy: ...

@@ -8,12 +8,27 @@ from gymnasium.vector.utils import batch_space
 from ._nerd import Task
 
 
-def make_vec(task, robot=None, n=1, *, solver="articulated", device="cpu", autoreset_mode=AutoresetMode.NEXT_STEP):
+def make_vec(task, robot=None, n=1, *, solver="articulated", device="cpu", autoreset_mode=None, xp=None):
     """n environments of a task: "ant-run", or "walk" with robot="go2.xml", or the path of a task's .toml.
 
-    solver: "articulated", "rapier", "neural" or the path of a model's folder.
+    solver: "articulated", "rapier", "neural" or the path of a model's folder. autoreset_mode: Gymnasium's, else that of the next step.
+    device="cuda" with xp=torch, or another library of arrays, keeps all of it on a card (nerd.card).
     """
-    return TaskVectorEnv(num_envs=n, task=task, robot=robot, solver=solver, device=device, autoreset_mode=autoreset_mode)
+    return _vector(num_envs=n, task=task, robot=robot, solver=solver, device=device, autoreset_mode=autoreset_mode, xp=xp)
+
+
+def _vector(num_envs=1, *, device="cpu", autoreset_mode=None, xp=None, **of):
+    if device == "cpu" and xp is None:
+        return TaskVectorEnv(num_envs, autoreset_mode=autoreset_mode or AutoresetMode.NEXT_STEP, **of)
+    if device != "cuda" or xp is None:
+        raise ValueError(f"device={device!r}, xp={xp}: on the CPU there is no xp, on \"cuda\" it names the library of arrays, as in xp=torch")
+    if autoreset_mode is not None and AutoresetMode(autoreset_mode) != AutoresetMode.SAME_STEP:
+        raise ValueError(f"autoreset_mode={autoreset_mode}: on a card ended episodes restart in the same step")
+    try:
+        from .card import CardVectorEnv
+    except ImportError as missing:
+        raise ValueError('device="cuda": this package was built without it; build it with `--features cuda`') from missing
+    return CardVectorEnv(num_envs, xp=xp, **of)
 
 
 def _spaces(task):
@@ -46,10 +61,10 @@ class TaskVectorEnv(_Seeds, VectorEnv):
     by how much a step missed what the task asks for, of tasks that say so.
     """
 
-    def __init__(self, num_envs=1, *, task, robot=None, solver="articulated", device="cpu", autoreset_mode=AutoresetMode.NEXT_STEP):
+    def __init__(self, num_envs=1, *, task, robot=None, solver="articulated", autoreset_mode=AutoresetMode.NEXT_STEP):
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"autoreset_mode": self.autoreset_mode, "render_modes": []}
-        self._task = Task(task, robot, num_envs, solver, device)
+        self._task = Task(task, robot, num_envs, solver)
         self.num_envs = num_envs
         self.single_observation_space, self.single_action_space = _spaces(self._task)
         self.observation_space, self.action_space = (
@@ -112,7 +127,8 @@ class TaskEnv(_Seeds, gymnasium.Env):
 
     def __init__(self, task, robot=None, solver="articulated", device="cpu", render_mode=None):
         if render_mode is not None:
-            raise ValueError("render_mode: there is none; `python -m nerd policy show` writes an episode as a page")
+            # A TypeError, after which Stable-Baselines3 asks without it.
+            raise TypeError("render_mode: there is none; `python -m nerd policy show` writes an episode as a page")
         self.render_mode = None
         self._task = Task(task, robot, 1, solver, device)
         self.observation_space, self.action_space = _spaces(self._task)
@@ -136,5 +152,5 @@ def register():
     for task in [*Task.names(), *Task.general()]:
         name = "".join(part.capitalize() for part in task.split("-"))
         gymnasium.register(
-            f"nerd/{name}-v0", entry_point="nerd.gym:TaskEnv", vector_entry_point="nerd.gym:TaskVectorEnv", kwargs={"task": task}
+            f"nerd/{name}-v0", entry_point="nerd.gym:TaskEnv", vector_entry_point="nerd.gym:_vector", kwargs={"task": task}
         )

@@ -53,7 +53,7 @@ pub use arena::{Arena, Make};
 pub use config::{Algorithm, PpoConfig};
 pub use cpu::OnCpu;
 #[cfg(feature = "cuda")]
-pub use cuda::{CudaEngine, CudaShac};
+pub use cuda::{CudaEngine, CudaEpisodes, CudaShac, Shown};
 pub use engine::{Engine, Stage, Turns};
 pub use gae::{TERMINATED, TRUNCATED};
 pub use guess::Guess;

@@ -216,3 +216,25 @@ impl Ahead {
         Self { shares, earned, which, asked, by }
     }
 }
+
+#[test]
+fn learners_beside_the_library_are_shown_what_came_of_their_actions() {
+    let Some(compiler) = cpp::Compiler::find() else { return };
+    let (asked, ends) = ([0.5, -7.0, 1.5, -1.0, f32::NAN, 1.0f32], [0u8, 1, 2]);
+    let [rows, cut] = [0.0, 100.0].map(|first| (0..6).map(|k| first + f64::from(k)).collect::<Vec<_>>());
+    let numbers = |x: &[f64]| cpp::bytes(x, f64::to_le_bytes);
+    let given = [cpp::bytes(&asked, f32::to_le_bytes), vec![9; 24], vec![9; 12], numbers(&rows), numbers(&cut), numbers(&[1.5, 2.5, 3.5])];
+    let found = [ends.to_vec(), vec![9; 24], vec![9; 24], vec![9; 12], vec![9; 3], vec![9; 3]];
+    // More threads than there are numbers.
+    let launches = "for (blockIdx.x = 0; blockIdx.x < 9; blockIdx.x++) {
+        offer(b[0], b[1], b[2], 6, 3);
+        show(b[3], b[4], b[5], b[6], b[7], b[8], b[9], b[10], b[11], 6, 2);
+    }";
+    let found = compiler.launch(include_str!("../../src/ppo/cuda/episodes.cu"), launches, &[given, found].concat());
+    let actions = cpp::floats(&found[1]);
+    assert!(actions[..4] == [0.5, -1.0, 1.0, -1.0] && actions[4].is_nan() && actions[5] == 1.0, "within their bounds: {actions:?}");
+    assert_eq!(found[2], [0; 12], "no time has run out");
+    assert_eq!(cpp::floats(&found[7]), [0.0, 1.0, 2.0, 3.0, 4.0, 5.0], "what is seen");
+    assert_eq!(cpp::floats(&found[8]), [0.0, 1.0, 2.0, 3.0, 104.0, 105.0], "what was seen where time ran out");
+    assert_eq!((cpp::floats(&found[9]), &found[10][..], &found[11][..]), (vec![1.5, 2.5, 3.5], &[0, 1, 0][..], &[0, 0, 1][..]));
+}

@@ -14,6 +14,8 @@ mod rows;
 #[cfg(feature = "cuda")]
 mod scenes;
 #[cfg(feature = "cuda")]
+mod shared;
+#[cfg(feature = "cuda")]
 mod solver;
 mod text;
 
@@ -28,6 +30,8 @@ pub use program::{Reach, Real, fault, functions, packed, program, record, surfac
 pub use records::records;
 #[cfg(feature = "cuda")]
 pub use roll::{OnDevice, Roll};
+#[cfg(feature = "cuda")]
+pub use shared::SharedStates;
 #[cfg(feature = "cuda")]
 pub use solver::{CudaArticulated, Whole};
 pub use text::{Text, number};

@@ -4,6 +4,7 @@
 
 mod acting;
 mod engine;
+mod episodes;
 mod memory;
 mod pass;
 mod roll;
@@ -24,6 +25,7 @@ use memory::{Kept, PassState, RollKey, Steps};
 use world::World;
 
 use super::*;
+pub use episodes::{CudaEpisodes, Shown};
 pub use shac::CudaShac;
 
 const SOURCE: [&str; 4] = [include_str!("kernels.cu"), RANDOM, include_str!("acting.cu"), include_str!("shac/kernels.cu")];

@@ -1,0 +1,49 @@
+"""Tasks whose environments stay on a card, for learners whose arrays are there, too."""
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from ._nerd import CardTask
+
+
+class CardVectorEnv(VectorEnv):
+    """n environments of a task on a card, stepped together; nothing comes over the host.
+
+    Actions are float32 [n, action] on the card, by any library that speaks DLPack; beyond -1 to 1 they are clamped. What comes back are
+    arrays of `xp` (torch, jax.numpy, cupy): observations float32 [n, observation], rewards float32 [n], terminated and truncated bool
+    [n]. They are the same memory in every step: copy what you keep. Ended episodes restart in the same step; infos has `final_obs`
+    [n, observation], what was seen before where time ran out, elsewhere as in the observations.
+
+    Episodes are drawn as on the CPU, and computed in 32 bits.
+    """
+
+    def __init__(self, num_envs=1, *, task, robot=None, solver="articulated", xp):
+        self.metadata = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}
+        self._task, self._xp = CardTask(task, robot, num_envs, solver), xp
+        self._arrays = self._task.arrays()
+        self.num_envs = num_envs
+        box = lambda most, width: gymnasium.spaces.Box(-most, most, (width,), np.float32)
+        self.single_observation_space, self.single_action_space = box(np.inf, self._task.observation), box(1.0, self._task.action)
+        self.observation_space, self.action_space = (
+            batch_space(space, num_envs) for space in (self.single_observation_space, self.single_action_space)
+        )
+
+    def reset(self, *, seed=None, options=None):
+        """The first episodes of a seed, or of one that is drawn."""
+        super().reset(seed=seed)
+        if options:
+            raise ValueError(f"options={options}: on a card ended episodes restart by themselves, and reset() restarts all")
+        self._task.reset(int(self.np_random.integers(2**63 - 1)) if seed is None else seed)
+        return self._xp.from_dlpack(self._arrays[0]), {}
+
+    def step(self, actions):
+        self._task.step(actions)
+        # Whoever takes an array lets its stream wait for the step, and with it for what was read of the actions.
+        observations, rewards, terminated, truncated, final = map(self._xp.from_dlpack, self._arrays)
+        return observations, rewards, terminated, truncated, {"final_obs": final}
+
+    def failed(self):
+        """Episodes that the solver could not go on with since this was asked last: they ended without a reward. It waits for the card."""
+        return self._task.failed()

@@ -1,0 +1,192 @@
+//! Arrays on a card: the capsules of DLPack, both ways, in the order of both sides' streams.
+
+use std::any::Any;
+use std::ffi::{CStr, c_void};
+use std::ptr;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use nerd_cuda::{Beside, Buffer};
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::ffi::{PyCapsule_GetPointer, PyCapsule_IsValid, PyCapsule_New, PyObject};
+use pyo3::prelude::*;
+
+use crate::error::value;
+
+/// What a capsule is called until somebody takes what is in it.
+const NAME: &CStr = c"dltensor";
+/// A card of CUDA, in the words of DLPack.
+const CUDA: i32 = 2;
+
+/// A kind of number: its code, its bits, and that it is one.
+#[repr(C)]
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub struct Kind(u8, u8, u16);
+
+pub const SINGLE: Kind = Kind(2, 32, 1);
+pub const DOUBLE: Kind = Kind(2, 64, 1);
+pub const BOOL: Kind = Kind(6, 8, 1);
+
+impl Kind {
+    fn name(self) -> String {
+        let word = ["int", "uint", "float", "handle", "bfloat", "complex", "bool"].get(usize::from(self.0)).unwrap_or(&"kind");
+        format!("{word}{}", self.1)
+    }
+}
+
+/// `DLTensor`.
+#[repr(C)]
+struct Tensor {
+    data: *mut c_void,
+    device: [i32; 2],
+    axes: i32,
+    kind: Kind,
+    shape: *mut i64,
+    strides: *mut i64,
+    first: u64,
+}
+
+/// `DLManagedTensor`.
+#[repr(C)]
+struct Managed {
+    tensor: Tensor,
+    /// Of ours, [`Kept`].
+    kept: *mut c_void,
+    delete: Option<unsafe extern "C" fn(*mut Managed)>,
+}
+
+/// What lives as long as somebody has an array.
+struct Kept {
+    shape: Vec<i64>,
+    _memory: Arc<dyn Any + Send + Sync>,
+}
+
+/// An array on a card, which libraries take by `from_dlpack` without a copy.
+#[pyclass(frozen, module = "nerd")]
+pub struct CardArray {
+    at: u64,
+    kind: Kind,
+    shape: Vec<i64>,
+    memory: Arc<dyn Any + Send + Sync>,
+    order: Order,
+}
+
+/// The stream that writes an array; of a simulation that is its solver's.
+pub type Order = Arc<Mutex<Beside>>;
+
+/// The stream of this order.
+pub fn beside(order: &Order) -> Beside {
+    order.lock().unwrap_or_else(PoisonError::into_inner).clone()
+}
+
+impl CardArray {
+    /// Memory that others keep, as an array of this kind and shape.
+    pub fn new<T: 'static, M: Any + Send + Sync>(memory: &Arc<M>, of: &Buffer<T>, kind: Kind, shape: &[usize], order: &Order) -> Self {
+        debug_assert_eq!(of.len, shape.iter().product());
+        let shape = shape.iter().map(|n| *n as i64).collect();
+        Self { at: of.ptr, kind, shape, memory: memory.clone(), order: order.clone() }
+    }
+}
+
+unsafe extern "C" fn delete(managed: *mut Managed) {
+    // SAFETY: whoever calls it got both from `__dlpack__`, and calls once.
+    unsafe {
+        let managed = Box::from_raw(managed);
+        drop(Box::from_raw(managed.kept.cast::<Kept>()));
+    }
+}
+
+/// Of a capsule that nobody took.
+unsafe extern "C" fn end(capsule: *mut PyObject) {
+    // SAFETY: Python calls it once, and a name that is still ours says that nobody else deletes what is in it.
+    unsafe {
+        if PyCapsule_IsValid(capsule, NAME.as_ptr()) == 1 {
+            delete(PyCapsule_GetPointer(capsule, NAME.as_ptr()).cast());
+        }
+    }
+}
+
+#[pymethods]
+impl CardArray {
+    /// The kind of device, and which one.
+    fn __dlpack_device__(&self) -> (i32, usize) {
+        (CUDA, beside(&self.order).ordinal())
+    }
+
+    /// A capsule of DLPack. The stream of this handle waits until what was written is there.
+    #[pyo3(signature = (*, stream=None, max_version=None, dl_device=None, copy=None))]
+    fn __dlpack__<'py>(
+        &self,
+        py: Python<'py>,
+        stream: Option<isize>,
+        max_version: Option<(u32, u32)>,
+        dl_device: Option<(i32, usize)>,
+        copy: Option<bool>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let _ = max_version;
+        if copy == Some(true) || dl_device.is_some_and(|device| device != self.__dlpack_device__()) {
+            return Err(pyo3::exceptions::PyBufferError::new_err("this array stays where it is: take it, then copy it"));
+        }
+        // -1: whoever asks sees to the order.
+        match stream.unwrap_or(1) {
+            -1 => {}
+            handle => beside(&self.order).lead(handle as usize).map_err(value)?,
+        }
+        let mut kept = Box::new(Kept { shape: self.shape.clone(), _memory: self.memory.clone() });
+        let tensor = Tensor {
+            data: self.at as *mut c_void,
+            device: [CUDA, self.__dlpack_device__().1 as i32],
+            axes: kept.shape.len() as i32,
+            kind: self.kind,
+            shape: kept.shape.as_mut_ptr(),
+            strides: ptr::null_mut(),
+            first: 0,
+        };
+        let managed = Box::new(Managed { tensor, kept: Box::into_raw(kept).cast(), delete: Some(delete) });
+        // SAFETY: the capsule has what is in it until somebody takes it, and is Python's object from here on.
+        unsafe { Bound::from_owned_ptr_or_err(py, PyCapsule_New(Box::into_raw(managed).cast(), NAME.as_ptr(), Some(end))) }
+    }
+}
+
+/// The address of an array on this card of exactly this kind and shape, in rows; the stream waits until it is there. Whoever reads it later
+/// lets the other side's stream wait for that.
+///
+/// # Errors
+/// `TypeError` for another object, device or kind, `ValueError` for another shape or layout.
+pub fn address(what: &str, given: &Bound<'_, PyAny>, kind: Kind, shape: &[usize], stream: &Beside) -> PyResult<u64> {
+    let wrong =
+        |found: String| PyTypeError::new_err(format!("{what}: an array of {} {shape:?} on the card is needed, not {found}", kind.name()));
+    let Ok(device) = given.call_method0("__dlpack_device__").and_then(|device| device.extract::<(i32, i32)>()) else {
+        return Err(wrong(format!("a {}", given.get_type().name()?)));
+    };
+    if device != (CUDA, stream.ordinal() as i32) {
+        return Err(wrong(format!("one on device {device:?} of DLPack")));
+    }
+    let asked = pyo3::types::PyDict::new(given.py());
+    asked.set_item("stream", stream.handle())?;
+    let capsule = given.call_method("__dlpack__", (), Some(&asked))?;
+    // SAFETY: a capsule of this name holds a `DLManagedTensor`, whose array the caller keeps.
+    let tensor = unsafe {
+        let managed = PyCapsule_GetPointer(capsule.as_ptr(), NAME.as_ptr()).cast::<Managed>();
+        if managed.is_null() {
+            return Err(PyErr::take(given.py()).unwrap_or_else(|| wrong("another capsule".into())));
+        }
+        &(*managed).tensor
+    };
+    if tensor.kind != kind {
+        return Err(wrong(format!("of {}", tensor.kind.name())));
+    }
+    let axes = tensor.axes.max(0) as usize;
+    // SAFETY: both have as many numbers as there are axes; strides may be left out.
+    let (found, strides) = unsafe {
+        let list = |at: *mut i64| if axes == 0 || at.is_null() { Vec::new() } else { std::slice::from_raw_parts(at, axes).to_vec() };
+        (list(tensor.shape), list(tensor.strides))
+    };
+    let wanted: Vec<i64> = shape.iter().map(|n| *n as i64).collect();
+    let rows: Vec<i64> = (0..axes).map(|k| found[k + 1..].iter().product()).collect();
+    // Where an axis has one entry, its stride says nothing.
+    let lies = strides.iter().zip(&rows).zip(&found).all(|((stride, row), n)| stride == row || *n == 1);
+    if found != wanted || !lies {
+        return Err(PyValueError::new_err(format!("{what}: an array {shape:?} in rows is needed, not {found:?} by strides {strides:?}")));
+    }
+    Ok(tensor.data as u64 + tensor.first)
+}

@@ -1,0 +1,51 @@
+//! A simulation's states on a card.
+
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use nerd_cuda::Buffer;
+use nerd_sim::articulated::device::SharedStates;
+use nerd_sim::prelude::{Simulation, StepError};
+use pyo3::prelude::*;
+
+use crate::card::{CardArray, DOUBLE, Order, address, beside};
+
+/// Its states, and the library whose arrays they are shown as.
+pub struct Card {
+    shared: Mutex<SharedStates>,
+    states: Arc<Buffer<f64>>,
+    order: Order,
+    xp: Py<PyAny>,
+}
+
+impl Card {
+    /// Those of a simulation from here on.
+    pub fn new(simulation: &mut Simulation, xp: Py<PyAny>) -> Result<Self, StepError> {
+        let shared = SharedStates::new(simulation)?;
+        let (states, order) = (shared.states.clone(), Arc::new(Mutex::new(shared.beside())));
+        Ok(Self { shared: Mutex::new(shared), states, order, xp })
+    }
+
+    /// What is worked with by whoever has the simulation.
+    pub fn shared(&self) -> MutexGuard<'_, SharedStates> {
+        self.shared.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Goes on with the simulation's new solver.
+    pub fn hold(&self, simulation: &mut Simulation) -> Result<(), StepError> {
+        let mut shared = self.shared();
+        shared.hold(simulation)?;
+        *self.order.lock().unwrap_or_else(PoisonError::into_inner) = shared.beside();
+        Ok(())
+    }
+
+    /// The address of torques on the card.
+    pub fn torques(&self, tau: &Bound<'_, PyAny>, shape: &[usize]) -> PyResult<u64> {
+        address("tau", tau, DOUBLE, shape, &beside(&self.order))
+    }
+
+    /// The states as an array of the library, whose stream waits for them.
+    pub fn states<'py>(&self, py: Python<'py>, shape: &[usize]) -> PyResult<Bound<'py, PyAny>> {
+        let array = CardArray::new(&self.states, &self.states, DOUBLE, shape, &self.order);
+        self.xp.bind(py).call_method1("from_dlpack", (array,))
+    }
+}
