@@ -1,6 +1,6 @@
 """Seconds of a frame and of a step of many Ants by loops in Python and in Rust, by turns in one run.
 
-    cargo build --release -p nerd-train --example steps      # with `--features nerd-train/cuda` for a card
+    cargo build --release -p nerd-py --example steps      # with `--features cuda` for a card
     python overhead.py cpu target/release/examples/steps
 """
 

@@ -81,7 +81,7 @@ pub fn beside(order: &Order) -> Beside {
 impl CardArray {
     /// Memory that others keep, as an array of this kind and shape.
     pub fn new<T: 'static, M: Any + Send + Sync>(memory: &Arc<M>, of: &Buffer<T>, kind: Kind, shape: &[usize], order: &Order) -> Self {
-        debug_assert_eq!(of.len, shape.iter().product());
+        debug_assert_eq!(of.len, shape.iter().product::<usize>());
         let shape = shape.iter().map(|n| *n as i64).collect();
         Self { at: of.ptr, kind, shape, memory: memory.clone(), order: order.clone() }
     }

@@ -22,7 +22,7 @@ pub struct CardTask {
 }
 
 impl CardTask {
-    fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut CudaEpisodes) -> nerd_train::error::Result<T> + Send) -> PyResult<T> {
+    fn with<T: Send>(&self, py: Python<'_>, work: impl FnOnce(&mut CudaEpisodes) -> nerd_train::Result<T> + Send) -> PyResult<T> {
         py.detach(|| work(&mut self.inner.lock().unwrap_or_else(PoisonError::into_inner))).map_err(value)
     }
 }

@@ -10,6 +10,12 @@ const EPISODES: &str = include_str!("episodes.cu");
 pub struct CudaEpisodes {
     episodes: Episodes,
     world: World,
+    door: Door,
+    replay: Replay<(u64, usize)>,
+}
+
+/// What goes into a step and what comes of it.
+struct Door {
     device: Device,
     actions: Buffer<f32>,
     rows: Buffer<f64>,
@@ -18,7 +24,6 @@ pub struct CudaEpisodes {
     rewards: Buffer<f64>,
     ends: Buffer<u8>,
     shown: Arc<Shown>,
-    replay: Replay<(u64, usize)>,
 }
 
 /// What learners read after a step: the same memory of the GPU each time.
@@ -50,9 +55,9 @@ impl CudaEpisodes {
         let shown = Arc::new(Shown { observations, reached, rewards, terminated, truncated });
         let (actions, cuts, rows, cut, rewards) = (single(n * about.action)?, device.zeros(n)?, wide(seen)?, wide(seen)?, wide(n)?);
         let world = taken(&mut episodes, &device)?;
-        let made = Self { episodes, world, device, actions, rows, cut, cuts, rewards, ends, shown, replay: Replay::default() };
-        made.begun()?;
-        Ok(made)
+        let door = Door { device, actions, rows, cut, cuts, rewards, ends, shown };
+        door.begin(episodes.observations())?;
+        Ok(Self { episodes, world, door, replay: Replay::default() })
     }
 
     /// Begins the first episodes of a seed.
@@ -61,10 +66,10 @@ impl CudaEpisodes {
     /// As [`Self::new`].
     pub fn seeded(&mut self, seed: u64) -> Result<()> {
         self.episodes.seeded(seed)?;
-        self.world = taken(&mut self.episodes, &self.device)?;
+        self.world = taken(&mut self.episodes, &self.door.device)?;
         // What was captured is of the world before.
         self.replay = Replay::default();
-        self.begun()
+        Ok(self.door.begin(self.episodes.observations())?)
     }
 
     /// One step under actions `[env][action]`, f32 at an address of the GPU. It does not wait for what comes of it.
@@ -72,20 +77,21 @@ impl CudaEpisodes {
     /// # Errors
     /// If the driver refuses a kernel.
     pub fn step(&mut self, actions: u64) -> Result<()> {
-        let Some(resident) = self.episodes.simulation.solver.resident() else { refuse!("the solver has left the device") };
-        let (resident, all, n) = (&*resident, self.actions.len, self.ends.len);
-        over(&self.device, "offer", all.max(n), &[&[actions, self.actions.ptr, self.cuts.ptr].map(Ptr)[..], &[all, n].map(Int)].concat())?;
-        let rows = [self.rows.ptr, self.rows.ptr, self.cut.ptr, self.cuts.ptr].map(Ptr);
-        let judge = [&rows[..], &[Int(1)], &[self.rewards.ptr, self.ends.ptr].map(Ptr)].concat();
+        let Self { episodes, world, door, replay } = self;
+        let Some(resident) = episodes.simulation.solver.resident() else { refuse!("the solver has left the device") };
+        let resident = &*resident;
+        door.offer(actions)?;
+        let rows = [door.rows.ptr, door.rows.ptr, door.cut.ptr, door.cuts.ptr].map(Ptr);
+        let judge = [&rows[..], &[Int(1)], &[door.rewards.ptr, door.ends.ptr].map(Ptr)].concat();
         let work = || {
-            self.world.step(resident, 0, self.actions.ptr, &judge)?;
-            self.show()
+            world.step(resident, 0, door.actions.ptr, &judge)?;
+            door.show()
         };
-        match self.world.key(1) {
-            Some(key) => self.replay.run(&self.device, "step", key, work)?,
+        match world.key(1) {
+            Some(key) => replay.run(&door.device, "step", key, work)?,
             None => work()?,
         }
-        self.world.passed(1);
+        world.passed(1);
         Ok(())
     }
 
@@ -100,12 +106,12 @@ impl CudaEpisodes {
 
     /// What learners read.
     pub fn shown(&self) -> &Arc<Shown> {
-        &self.shown
+        &self.door.shown
     }
 
     /// The stream that steps are in.
     pub fn beside(&self) -> Beside {
-        self.device.beside()
+        self.door.device.beside()
     }
 
     /// Actions `[env][action]` that are put on the GPU, for who has none there.
@@ -113,15 +119,14 @@ impl CudaEpisodes {
     /// # Errors
     /// If there is not enough memory.
     pub fn upload(&self, actions: &[f32]) -> Result<Buffer<f32>> {
-        Ok(self.device.upload(actions)?)
+        Ok(self.door.device.upload(actions)?)
     }
+}
 
-    /// Shows what episodes begin with.
-    fn begun(&self) -> Result<()> {
-        self.device.write(&self.rows, self.episodes.observations())?;
-        self.device.write(&self.rewards, &vec![0.0; self.rewards.len])?;
-        self.device.write(&self.ends, &vec![0; self.ends.len])?;
-        Ok(self.show()?)
+impl Door {
+    fn offer(&self, actions: u64) -> Result<(), DeviceError> {
+        let (all, n) = (self.actions.len, self.ends.len);
+        over(&self.device, "offer", all.max(n), &[&[actions, self.actions.ptr, self.cuts.ptr].map(Ptr)[..], &[all, n].map(Int)].concat())
     }
 
     fn show(&self) -> Result<(), DeviceError> {
@@ -130,6 +135,14 @@ impl CudaEpisodes {
         let written = [observations.ptr, reached.ptr, rewards.ptr, terminated.ptr, truncated.ptr];
         let sizes = [self.rows.len, self.rows.len / self.ends.len].map(Int);
         over(&self.device, "show", self.rows.len, &[&read.map(Ptr)[..], &written.map(Ptr), &sizes].concat())
+    }
+
+    /// Shows what episodes begin with.
+    fn begin(&self, observations: &[f64]) -> Result<(), DeviceError> {
+        self.device.write(&self.rows, observations)?;
+        self.device.write(&self.rewards, &vec![0.0; self.rewards.len])?;
+        self.device.write(&self.ends, &vec![0; self.ends.len])?;
+        self.show()
     }
 }
 

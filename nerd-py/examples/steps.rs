@@ -1,4 +1,4 @@
-//! Seconds of a frame and of a step of many Ants by a loop in Rust, for `nerd-py/examples/overhead.py` to compare with: every line of
+//! Seconds of a frame and of a step of many Ants by a loop in Rust, for overhead.py to compare with: every line of
 //! input is answered by both, of `steps CPU_OR_CUDA ENVIRONMENTS FRAMES`.
 
 use std::io::BufRead;
@@ -64,12 +64,16 @@ fn on_card(n: usize) -> Outcome<[Once; 2]> {
     let torques = device.upload(&vec![0.0; n * 8])?;
     let frame = move |last: bool| -> Outcome {
         states.step(&mut simulation, torques.ptr)?;
-        if last { states.beside().wait()? }
+        if last {
+            states.beside().wait()?
+        }
         Ok(())
     };
     let step = move |last: bool| -> Outcome {
         episodes.step(actions.ptr)?;
-        if last { episodes.beside().wait()? }
+        if last {
+            episodes.beside().wait()?
+        }
         Ok(())
     };
     Ok([Box::new(frame), Box::new(step)])
