@@ -175,12 +175,12 @@ fn joint(joint: &Joint, place: &Isometry3<f64>, weight: f64) -> String {
     format!("<joint name=\"{name}\" type=\"{kind}\"{at} axis=\"{axis}\" {forces} {limit}/>\n")
 }
 
-/// A drive: `b_0 + b_1 q + b_2 qd` of MuJoCo's affine bias, kept within its effort.
+/// A drive: `b_0 + b_1 q + b_2 qd` of MuJoCo's affine bias, kept within its effort; its control moves the target.
 fn actuator(joint: &Joint, drive: &Drive) -> String {
     let Drive { kp, kd, target, speed, effort } = drive;
     let bias = numbers(&[kp * target + kd * speed, -kp, -kd]);
     let bounds = if effort.is_finite() { format!(" forcelimited=\"true\" forcerange=\"-{effort} {effort}\"") } else { String::new() };
-    format!("<general joint=\"{}\" gainprm=\"0\" biastype=\"affine\" biasprm=\"{bias}\"{bounds}/>\n", escape(&joint.name))
+    format!("<general joint=\"{}\" gainprm=\"{kp}\" biastype=\"affine\" biasprm=\"{bias}\"{bounds}/>\n", escape(&joint.name))
 }
 
 /// A limit of stiffness k and damping d, beyond an end `-k r - d v`. MuJoCo's is `f = (a_ref - a_0) / (A + R)` with

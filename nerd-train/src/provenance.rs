@@ -75,6 +75,13 @@ pub fn machine() -> String {
     }
 }
 
+/// Memory (MiB) that a process has on GPUs, if that is known.
+pub fn card_memory(process: u32) -> Option<f64> {
+    let all = output("nvidia-smi", &["--query-compute-apps=pid,used_memory", "--format=csv,noheader,nounits"])?;
+    let own = all.lines().filter_map(|line| line.split_once(',')).filter(|(id, _)| id.trim() == process.to_string());
+    own.map(|(_, used)| used.trim().parse::<f64>().ok()).sum()
+}
+
 /// `NERD_COMMIT` replaces git where a program runs outside its checkout.
 fn commit() -> String {
     if let Ok(commit) = std::env::var("NERD_COMMIT") {

@@ -7,11 +7,13 @@ use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
 use nerd_core::dynamics::{to_local, to_world};
 use nerd_core::state::wrap_state;
 use nerd_sim::mjcf::mjcf;
+use nerd_train::evaluate::Held;
 use serde_json::{Value, json};
 
 use crate::prelude::*;
 
 pub(super) const REFEREE: &str = include_str!("referee.py");
+const WARP: &str = include_str!("warp.py");
 /// Every coordinate of a state that MuJoCo has given up: past what counts as diverged.
 const GONE: f64 = 2e5;
 
@@ -29,13 +31,16 @@ pub enum Scheme {
 pub struct Played {
     /// States of all starts by frame, `[frame][start * state]` as a batch holds them; [`GONE`] once MuJoCo gives one up.
     pub frames: Vec<Vec<f64>>,
-    /// Seconds of stepping all starts over all frames on one core: of a few runs the fastest; 0 if not timed.
-    pub seconds: f64,
+    /// Seconds of stepping all starts over all frames on one core: of a few runs the fastest; or all worlds on a GPU. None if not timed, or if
+    /// MuJoCo gave a world up on the way.
+    pub seconds: Option<f64>,
 }
 
 /// MuJoCo at work on one model from the same starts, at one setting after another.
 pub struct Referee {
     pub version: String,
+    /// Of a timed run on a GPU.
+    worlds: usize,
     robot: Robot,
     pub(super) python: Python,
 }
@@ -44,24 +49,37 @@ impl Referee {
     /// Starts `python` on the robots and scenes of a batch, to roll out `frames` frames from its states, with its drives, which must be those
     /// of its first environment everywhere. Robot and scene are taken from the first; largest velocities of joints are not kept.
     pub fn new(python: &Path, batch: &Batch, frames: usize) -> Result<Self> {
-        let (system, first) = (&batch.system, batch.driven(0));
-        if (1..batch.len()).any(|env| batch.driven(env) != first) {
+        Self::held(python, batch, frames, None, None)
+    }
+
+    /// The same, with drives on their way to targets; and, where `worlds` are to be stepped together, by MuJoCo Warp, the same engine in 32 bits
+    /// on a GPU, with settings of its own for contacts. That makes no frames one by one.
+    pub fn held(python: &Path, batch: &Batch, frames: usize, held: Option<&Held>, worlds: Option<usize>) -> Result<Self> {
+        let (system, first) = (&batch.system, held.map_or(batch.driven(0), |held| &held.rest));
+        if held.is_none() && (1..batch.len()).any(|env| batch.driven(env) != first) {
             bail!("drives differ between environments, which the referee of MuJoCo does not take");
         }
         let robot = system.robot.clone();
         let free = Arc::new(Scene::free(system.gravity()));
         let starts: Vec<_> = (0..batch.len()).map(|env| to_mujoco(&robot, batch.state(env))).collect();
         let mjcf = mjcf(system, batch.scenes.first().unwrap_or(&free), first)?;
-        let mut python = Python::start(python, REFEREE)?;
-        let version = python.ask(&json!({ "mjcf": mjcf, "frame_time": system.frame_time, "frames": frames, "starts": starts }))?;
-        Ok(Self { version, robot, python })
+        let mut request = json!({ "mjcf": mjcf, "frame_time": system.frame_time, "frames": frames, "starts": starts });
+        (request["targets"], request["every"]) =
+            (json!(held.map_or(&[][..], |held| &held.targets)), json!(held.map_or(frames.max(1), |held| held.every)));
+        let mut python = Python::start(python, if worlds.is_some() { WARP } else { REFEREE })?;
+        let version = python.ask(&request)?;
+        Ok(Self { version, worlds: worlds.unwrap_or_default(), robot, python })
+    }
+
+    pub fn process(&self) -> u32 {
+        self.python.child.id()
     }
 
     /// Rolls out at one setting: `substeps` steps of `integrator` a frame.
     pub fn play(&mut self, integrator: Scheme, substeps: usize, timed: bool) -> Result<Played> {
         type States = Vec<Vec<Option<Vec<f64>>>>;
-        let setting = json!({ "integrator": integrator, "substeps": substeps, "timed": timed });
-        let ((states, seconds), robot): ((States, f64), _) = (self.python.ask(&setting)?, &self.robot);
+        let setting = json!({ "integrator": integrator, "substeps": substeps, "timed": timed, "worlds": self.worlds });
+        let ((states, seconds), robot): ((States, Option<f64>), _) = (self.python.ask(&setting)?, &self.robot);
         let state = |s: Option<Vec<f64>>| s.map_or_else(|| vec![GONE; robot.state_dim()], |s| from_mujoco(robot, &s));
         Ok(Played { frames: states.into_iter().map(|frame| frame.into_iter().flat_map(state).collect()).collect(), seconds })
     }

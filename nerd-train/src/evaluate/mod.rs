@@ -9,10 +9,12 @@ use std::fmt;
 use nerd_sim::dataset::{Act, Drive, Smooth};
 
 mod gaps;
+mod held;
 mod pieces;
 mod tally;
 
 pub use gaps::{Gaps, quantities, summary, summary_names};
+pub use held::Held;
 pub use pieces::Pieces;
 pub use tally::PassiveReport;
 use tally::Tally;
@@ -49,6 +51,7 @@ impl PassiveConfig {
         within("steps", self.steps as f64, 1.0..=1e9, "")?;
         match self.action {
             Action::Random(factor) => within("drive", factor, -1e6..=1e6, ""),
+            Action::Held(size) => within("targets", size, 0.0..=10.0, " rad or m"),
             Action::Recorded(_) => Err("recorded motion has starts and torques of its own".into()),
             _ => Ok(()),
         }
@@ -66,6 +69,8 @@ pub enum Action {
     Limp,
     /// The training data's random torques times this factor, drawn at the truth's state and given to both.
     Random(f64),
+    /// Drives with the robot's gains, on their way to random targets within so much (rad or m) of the default pose ([`Held`]).
+    Held(f64),
     /// Those that were recorded, from starts that were; a solver has seen so many frames before each ([`Pieces`]).
     Recorded(usize),
 }
@@ -77,6 +82,7 @@ impl fmt::Display for Action {
             Self::Zero => Ok(()),
             Self::Limp => f.write_str(", limp"),
             Self::Random(factor) => write!(f, ", torques x {factor}"),
+            Self::Held(size) => write!(f, ", held at targets within {size}"),
             Self::Recorded(before) => write!(f, " with their torques, {before} frames seen before each"),
         }
     }
@@ -115,10 +121,15 @@ pub fn passive(
         }
         _ => Vec::new(),
     };
+    let held = Held::new(system, &config);
     let (action, mut torques) = (vec![0.0; joints], [vec![0.0; n * joints], vec![0.0; n * joints]]);
     for step in 1..=config.steps {
+        if let Some(held) = held.as_ref().filter(|held| (step - 1) % held.every == 0) {
+            real.drives = held.drives((step - 1) / held.every, n);
+            learned.drives.clone_from(&real.drives);
+        }
         match config.action {
-            Action::Limp | Action::Recorded(_) => {}
+            Action::Limp | Action::Held(_) | Action::Recorded(_) => {}
             Action::Zero => {
                 for (batch, torques) in [&real, &learned].into_iter().zip(&mut torques) {
                     for env in 0..n {

@@ -45,16 +45,18 @@ fn card(config: &PolicyConfig, parameters: usize, table: &str) -> String {
     )
 }
 
-/// Writes `curve.csv` from the metrics of a run in `out`: steps, mean reward and mean length of episodes, of about [`POINTS`] iterations.
+/// Writes `curve.csv` from the metrics of a run in `out`: steps, seconds of learning, mean reward and mean length of episodes, of about [`POINTS`]
+/// iterations.
 fn write_curve(out: &Path, folder: &Path) -> Result<()> {
     let metrics = out.join("metrics.jsonl");
     let lines = std::fs::read_to_string(&metrics).map_err(Error::file(&metrics))?;
     let lines: Vec<Iteration> = lines.lines().map(serde_json::from_str).collect::<Result<_, _>>().map_err(Error::file(&metrics))?;
     let every = lines.len().div_ceil(POINTS).max(1);
-    let mut text = String::from("steps,reward,length\n");
-    for line in lines.iter().filter(|l| (l.step as usize).is_multiple_of(every)) {
-        if let (Some(reward), Some(length)) = (line.reward, line.length) {
-            text.push_str(&format!("{},{reward:.2},{length:.1}\n", line.frames));
+    let (mut text, mut seconds) = (String::from("steps,seconds,reward,length\n"), 0.0);
+    for line in &lines {
+        seconds += line.rollout_seconds + line.update_seconds;
+        if let (true, Some(reward), Some(length)) = ((line.step as usize).is_multiple_of(every), line.reward, line.length) {
+            text.push_str(&format!("{},{seconds:.1},{reward:.2},{length:.1}\n", line.frames));
         }
     }
     let path = folder.join("curve.csv");

@@ -69,10 +69,13 @@ impl RecordConfig {
         for folder in &self.policy {
             let (config, policy) = crate::ppo::folder::load(&shipped::find(folder))?;
             let task = nerd_tasks::named(&config.task)?;
-            // A policy of the robot that a family is like acts on all of the family.
-            let own = task.robot() == system.name || system.spec.vary.is_some() && system.alike(&*task.system()?).is_ok();
+            // A policy of the robot that a family is like acts on all of the family. A task may pace its robot, or give it rotors.
+            let its = task.system()?;
+            let own = its.robot_sha256() == system.robot_sha256() || system.spec.vary.is_some() && system.alike(&its).is_ok();
             if !own {
-                refuse!("{} acts on `{}`, not on `{}`", folder.display(), task.robot(), system.name);
+                let [this, other] =
+                    [system, &*its].map(|s| format!("`{}` ({} substeps of a frame of {:.4} s)", s.name, s.spec.substeps, s.frame_time));
+                refuse!("{} acts on {other}, not on {this}", folder.display());
             }
             policies.push((task.into(), policy));
         }

@@ -41,3 +41,23 @@ fn what_fails_is_counted_and_errs_as_what_stands_still() {
     println!("errors over those of standing still {:.2}, {:.2}", standing(0), standing(1));
     assert!((0.2..0.8).contains(&standing(0)) && (0.2..0.8).contains(&standing(1)), "half of the rollouts stand: {:?}", report.error);
 }
+
+#[test]
+fn targets_are_of_each_start_and_within_what_is_asked() {
+    let system = System::named("anymal").expect("built in");
+    let protocol = |action| PassiveConfig { starts: 3, steps: 7, seed: 5, action };
+    assert!(Held::new(&system, &protocol(Action::Limp)).is_none());
+    let held = Held::new(&system, &protocol(Action::Held(0.3))).expect("held");
+    let all: Vec<f64> = held.targets.iter().flatten().flatten().copied().collect();
+    assert_eq!((held.every, all.len()), (1, 7 * 3 * 12), "a target a frame of 1/60 s");
+    let most = all.iter().fold(0.0f64, |most, x| most.max(x.abs()));
+    assert!((0.25..=0.3).contains(&most), "{most} rad at most");
+    let of = |target, env: usize| -> Vec<f64> { held.drives(target, 5)[12 * env..12 * env + 12].iter().map(|d| d.target).collect() };
+    assert!(of(0, 0) != of(0, 1) && of(0, 0) != of(1, 0) && of(0, 0) == of(0, 3), "of each start and target; in turn");
+    // The same solver twice goes the same way, and another than limp.
+    let scene = system.scene("ground").expect("scene");
+    let solver = || Articulated::new(ArticulatedConfig::accurate(&system));
+    let report = |action| passive(&system, &scene, &mut solver(), &mut solver(), protocol(action), &mut |_| ()).expect("finite");
+    let [held, limp] = [Action::Held(0.3), Action::Limp].map(report);
+    assert!(held.error.iter().all(|x| *x == 0.0) && held.hold != limp.hold, "{held:?}");
+}

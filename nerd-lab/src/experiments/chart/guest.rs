@@ -8,46 +8,55 @@ use super::plan::Plan;
 use super::shown::{Against, Point};
 use crate::mujoco::{Referee, Scheme};
 use crate::{prelude::*, roll::begun};
-use nerd_train::cost::powers;
+use nerd_train::{cost::powers, evaluate::Held, provenance::card_memory};
 
-pub(super) fn referee(python: &Path, Plan { system, scene, protocol: config, .. }: &Plan) -> Result<Referee> {
-    Referee::new(python, &begun(system, scene, config.starts, Start::Reset, config.seed), config.steps)
+pub(super) fn referee(python: &Path, Plan { system, scene, protocol: config, environments, .. }: &Plan) -> Result<Referee> {
+    let begun = begun(system, scene, config.starts, Start::Reset, config.seed);
+    Referee::held(python, &begun, config.steps, Held::new(system, config).as_ref(), *environments)
 }
 
 /// Its settings: integrator, name, substeps.
-pub(super) fn settings(contact: bool, most: usize) -> Vec<(Scheme, &'static str, usize)> {
-    let schemes: &[(Scheme, &str, usize)] = if contact {
-        &[(Scheme::Euler, "MuJoCo Euler (against itself)", most), (Scheme::ImplicitFast, "MuJoCo implicitfast (against itself)", most)]
-    } else {
-        &[(Scheme::Euler, "MuJoCo Euler", most), (Scheme::ImplicitFast, "MuJoCo implicitfast", most), (Scheme::Rk4, "MuJoCo RK4", 32)]
+pub(super) fn settings(contact: bool, card: bool, most: usize) -> Vec<(Scheme, &'static str, usize)> {
+    let schemes: &[(Scheme, &str, usize)] = match (contact, card) {
+        (_, true) => &[(Scheme::ImplicitFast, "MuJoCo Warp (against itself)", most)],
+        (true, _) => {
+            &[(Scheme::Euler, "MuJoCo Euler (against itself)", most), (Scheme::ImplicitFast, "MuJoCo implicitfast (against itself)", most)]
+        }
+        _ => &[(Scheme::Euler, "MuJoCo Euler", most), (Scheme::ImplicitFast, "MuJoCo implicitfast", most), (Scheme::Rk4, "MuJoCo RK4", 32)],
     };
     schemes.iter().flat_map(|(scheme, name, last)| powers(most.min(*last)).map(move |n| (*scheme, *name, n))).collect()
 }
 
 /// Its points at powers of two of substeps; `truth` are the frames of our reference, named `reference`.
 pub(super) fn points(mujoco: &mut Referee, plan: &Plan, most: usize, truth: &[Vec<f64>], reference: &str) -> Result<(Vec<Point>, Against)> {
-    let (contact, config) = (plan.contact(), plan.protocol);
+    let (config, card) = (plan.protocol, plan.environments.is_some());
+    let own = plan.contact() || card;
     let errors = |truth: &[Vec<f64>], frames: &[Vec<f64>]| -> Result<PassiveReport> {
         let (mut truth, mut replay) = (Replay::new(truth), Replay::new(frames));
         Ok(passive(&plan.system, &plan.scene, &mut truth, &mut replay, config, &mut |_| ())?)
     };
     let mut against = Against { version: mujoco.version.clone(), reference: reference.into(), reference_error: None };
-    let mut own = Vec::new();
-    if contact {
-        own = mujoco.play(Scheme::Euler, 4 * most, false)?.frames;
-        let half = mujoco.play(Scheme::Euler, 2 * most, false)?;
-        against.reference = format!("MuJoCo itself, Euler, {} substeps", 4 * most);
-        against.reference_error = Some(mean(&errors(&own, &half.frames)?.error));
+    let mut theirs = Vec::new();
+    if own {
+        let (scheme, name) = if card { (Scheme::ImplicitFast, "implicitfast") } else { (Scheme::Euler, "Euler") };
+        theirs = mujoco.play(scheme, 4 * most, false)?.frames;
+        let half = mujoco.play(scheme, 2 * most, false)?;
+        against.reference = format!("MuJoCo itself, {name}, {} substeps", 4 * most);
+        against.reference_error = Some(mean(&errors(&theirs, &half.frames)?.error));
     }
-    let settings = settings(contact, most);
-    let bar = progress::bar("MuJoCo", settings.len() as u64);
+    let settings = settings(plan.contact(), card, most);
+    let (each, bar) = (plan.environments.unwrap_or(config.starts), progress::bar("MuJoCo", settings.len() as u64));
     let mut points = Vec::new();
     for (k, (scheme, name, substeps)) in settings.into_iter().enumerate() {
         bar.set(k as u64);
         let played = mujoco.play(scheme, substeps, true)?;
-        let report = errors(if contact { &own } else { truth }, &played.frames)?;
-        let microseconds = played.seconds * 1e6 / (config.starts * config.steps) as f64;
-        points.push(Point::new(name.into(), None, Some(substeps), microseconds, report, contact));
+        let report = errors(if own { &theirs } else { truth }, &played.frames)?;
+        let Some(seconds) = played.seconds else {
+            bar.line(&format!("{name} x{substeps}: left out, it gave environments up"));
+            continue;
+        };
+        let memory = plan.environments.and_then(|_| card_memory(mujoco.process()));
+        points.push(Point::new(name.into(), None, Some(substeps), seconds * 1e6 / (each * config.steps) as f64, report, own).with(memory));
     }
     bar.finish();
     Ok((points, against))

@@ -8,13 +8,17 @@ use super::shown::{ChartData, Point};
 use crate::experiments::card;
 use crate::prelude::*;
 use nerd_train::cost::timed;
+#[cfg(feature = "cuda")]
+use nerd_train::evaluate::Held;
 
 type Frames = Vec<Vec<f64>>;
+/// Errors, microseconds of a frame of one environment, memory on a GPU (MiB).
+type Timed = (PassiveReport, f64, Option<f64>);
 
 /// Every method's point, and the frames of the reference.
 pub(super) fn all(plan: &Plan, most: usize) -> Result<(ChartData, Frames)> {
     let Plan { system, scene, methods, protocol, .. } = plan;
-    let implicit = plan.contact() || system.held();
+    let implicit = plan.contact() || plan.implicit;
     let (finest, reference) = if implicit { (4 * most, "articulated, implicit") } else { (128, "articulated, RK4") };
     let exact = |n: usize| if implicit { Setting::Implicit(n) } else { Setting::Rk4(n) };
     let bar = progress::bar("solvers", methods.len() as u64 + 1);
@@ -31,9 +35,9 @@ pub(super) fn all(plan: &Plan, most: usize) -> Result<(ChartData, Frames)> {
         let theirs = theirs.as_ref().unwrap_or(&truth);
         let compare = |solver: &mut dyn Solver| passive(system, scene, &mut Replay::new(theirs), solver, *protocol, &mut |_| ());
         for (series, found) in each(plan, method, &compare) {
-            let point = found.and_then(|(report, microseconds)| {
+            let point = found.and_then(|(report, microseconds, memory)| {
                 let Method { setting, own, .. } = method;
-                let point = Point::new(series, Some(setting.clone()), setting.substeps(), microseconds, report, own.is_some());
+                let point = Point::new(series, Some(setting.clone()), setting.substeps(), microseconds, report, own.is_some()).with(memory);
                 bounds::figures("its mean error", &[point.error])?;
                 Ok(point)
             });
@@ -63,17 +67,21 @@ fn each(
     plan: &Plan,
     Method { setting, series, .. }: &Method,
     compare: &dyn Fn(&mut dyn Solver) -> Result<PassiveReport, StepError>,
-) -> Vec<(String, Result<(PassiveReport, f64)>)> {
+) -> Vec<(String, Result<Timed>)> {
     #[cfg(feature = "cuda")]
     if let Some(n) = plan.environments {
         let Plan { system, scene, protocol, .. } = plan;
         let begun = crate::roll::begun(system, scene, protocol.starts, Start::Reset, protocol.seed);
-        let timed = |precision| card::timed(&begun, setting, precision, [n, protocol.steps], compare);
+        let held = Held::new(system, protocol);
+        let timed = |precision| card::timed(&begun, setting, precision, [n, protocol.steps], held.as_ref(), compare);
         let one = |(precision, word): &(_, &str)| (format!("{series}{word}"), timed(*precision));
         return card::arithmetics(setting).iter().map(one).collect();
     }
     let frames = plan.protocol.starts * plan.protocol.steps;
-    let found = setting.solver(&plan.system).map_err(Error::from).and_then(|solver| Ok(timed(solver, frames, compare)?));
+    let found = setting.solver(&plan.system).map_err(Error::from).and_then(|solver| {
+        let (report, microseconds) = timed(solver, frames, compare)?;
+        Ok((report, microseconds, None))
+    });
     vec![(series.clone(), found)]
 }
 

@@ -22,7 +22,7 @@ impl Experiment for Chart {
     fn about(&self) -> Result<About> {
         let plan = self.plan()?;
         let Plan { system, scene, methods, .. } = &plan;
-        let guests = self.mujoco.as_ref().map_or(0, |_| guest::settings(plan.contact(), self.substeps).len());
+        let guests = self.mujoco.as_ref().map_or(0, |_| guest::settings(plan.contact(), plan.environments.is_some(), self.substeps).len());
         // Of each solver one setting: whatever changes the others changes it.
         let mut inputs = Inputs(vec![Input::robot(system)]);
         for (k, method) in methods.iter().enumerate() {

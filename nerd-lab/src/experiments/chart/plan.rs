@@ -20,7 +20,10 @@ settings! {
         substeps: usize = 256, Whole(SUBSTEPS);
         /// Seed of the starts
         seed: u64 = 500, Whole(SEEDS);
-        /// Python that has MuJoCo, to draw that engine too [default: none]
+        /// Joints are held by drives with the robot's gains, at random targets within so much (rad or m) of the default pose, new every 20 ms
+        /// [default: limp]
+        targets: f64 = 0.0, Number(0.0..=10.0);
+        /// Python that has MuJoCo, or with --device cuda MuJoCo Warp, to draw that engine too [default: none]
         mujoco: Option<PathBuf> = None, Text;
         /// What is timed: a frame of one environment on one core (cpu), or of one among many on a GPU (cuda)
         device: Device = Device::Cpu, Words(&["cpu", "cuda"]);
@@ -35,6 +38,8 @@ pub(super) struct Plan {
     pub methods: Vec<Method>,
     /// Series that cannot take part, and why.
     pub refused: Vec<String>,
+    /// Whether nothing of it steps explicitly.
+    pub implicit: bool,
     pub protocol: PassiveConfig,
     /// How many are stepped together on a GPU, if that is timed.
     pub environments: Option<usize>,
@@ -58,7 +63,6 @@ impl Chart {
         // The reference has four times the substeps.
         bounds::time(&[frames[0], frames[1], ("4 x --substeps", 4 * self.substeps)])?;
         let card = self.device.is_cuda();
-        unused(&[("--mujoco", card && self.mujoco.is_some())], "with --device cuda, which times kernels of ours")?;
         unused(&[("--environments", !card && self.environments != Self::default().environments)], "without --device cuda")?;
         if card && !cfg!(feature = "cuda") {
             bail!("--device cuda needs a build with `--features cuda`");
@@ -70,9 +74,12 @@ impl Chart {
             models.retain(|folder| ModelConfig::read(folder).is_ok_and(|model| model.robot == system.name));
         }
         let truth = system.spec.truth;
-        let mut settings = analytic(!scene.colliders.is_empty(), system.held(), self.substeps);
+        let action = if self.targets > 0.0 { Action::Held(self.targets) } else { Action::Limp };
+        let implicit = system.held() || action != Action::Limp;
+        let mut settings = analytic(!scene.colliders.is_empty(), implicit, self.substeps);
         settings.push(truth.into());
-        settings.retain(|setting| !card || setting.articulated(&system).is_some());
+        // No other has kernels, or drives.
+        settings.retain(|setting| !card && action == Action::Limp || setting.articulated(&system).is_some());
         let methods = settings.into_iter().chain(models.into_iter().map(Setting::Neural)).map(|setting| Method::new(setting, truth));
         let (mut ready, mut refused) = (Vec::new(), Vec::new());
         for method in methods.collect::<Result<Vec<Method>>>()? {
@@ -83,8 +90,8 @@ impl Chart {
             }
         }
         refused.dedup();
-        let protocol = PassiveConfig { starts: self.starts, steps: self.frames, seed: self.seed, action: Action::Limp };
-        Ok(Plan { methods: ready, refused, system, scene, protocol, environments: card.then_some(self.environments) })
+        let protocol = PassiveConfig { starts: self.starts, steps: self.frames, seed: self.seed, action };
+        Ok(Plan { methods: ready, refused, implicit, system, scene, protocol, environments: card.then_some(self.environments) })
     }
 }
 

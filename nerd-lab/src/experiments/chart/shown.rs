@@ -42,6 +42,9 @@ pub(super) struct Point {
     /// Whether its error is against a reference of its own, so that it competes with no other series.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     own: bool,
+    /// On a GPU, of its process (MiB).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    memory: Option<f64>,
 }
 
 /// What MuJoCo is compared with.
@@ -65,7 +68,11 @@ impl Point {
         own: bool,
     ) -> Self {
         let (error, diverged) = (mean(&report.error), report.diverged);
-        Self { series, setting, substeps, microseconds, error, by_coordinate: report.error, diverged, front: false, own }
+        Self { series, setting, substeps, microseconds, error, by_coordinate: report.error, diverged, front: false, own, memory: None }
+    }
+
+    pub fn with(self, memory: Option<f64>) -> Self {
+        Self { memory, ..self }
     }
 }
 
@@ -76,20 +83,35 @@ impl ChartData {
         self.points.iter_mut().zip(unbeaten(&race)).for_each(|(p, front)| p.front = front);
     }
 
+    /// How many times as long as the fastest of ours takes one that competes with none, at its error: between two of ours in logarithms.
+    fn times(&self, p: &Point) -> Option<f64> {
+        let mut ours: Vec<&Point> = self.points.iter().filter(|p| p.front).collect();
+        ours.sort_by(|a, b| a.error.total_cmp(&b.error));
+        let k = ours.windows(2).position(|pair| (pair[0].error..=pair[1].error).contains(&p.error)).filter(|_| p.own)?;
+        let [(x, low), (y, high)] = [ours[k], ours[k + 1]].map(|p| (p.error.ln(), p.microseconds.ln()));
+        Some(p.microseconds / (low + (p.error.ln() - x) / (y - x) * (high - low)).exp())
+    }
+
     pub fn table(&self, system: &System) -> Table {
+        let card = self.environments.is_some();
         let rows = self.points.iter().map(|p| {
-            vec![
+            let mut row = vec![
                 p.series.clone(),
                 or_dash(p.substeps),
                 digits(p.microseconds),
                 pair(&summary(system, &p.by_coordinate)),
                 p.diverged.to_string(),
                 if p.front { "*" } else { "" }.into(),
-            ]
+            ];
+            if card {
+                row.extend([digits(1e6 / p.microseconds), or_dash(p.memory), or_dash(self.times(p).map(digits))]);
+            }
+            row
         });
-        let header = ["solver", "substeps", "us a frame", "error (rad or m)", "diverged", "front"];
+        let header = ["solver", "substeps", "us a frame", "error (rad or m)", "diverged", "front", "frames/s", "MiB", "times ours"];
+        let header = &header[..if card { 9 } else { 6 }];
         let Self { robot, scene, protocol, reference, .. } = self;
-        let mut note = format!("{robot} {scene}, mean |dq| over {} frames, reference: {reference}", protocol.steps);
+        let mut note = format!("{robot} {scene}, mean |dq| over {} frames{}, reference: {reference}", protocol.steps, protocol.action);
         if let Some(n) = self.environments {
             note +=
                 &format!("; us: of {n} environments together on a GPU, with 32 bits where no other arithmetic is named, transfers counted");
@@ -98,7 +120,7 @@ impl ChartData {
             let error = reference_error.map_or_else(String::new, |e| format!(", whose own error is {}", digits(e)));
             note += &format!(". MuJoCo {version} is compared with {reference}{error}");
         }
-        Table::new(&format!("chart-{robot}-{scene}"), &header).with(rows).noted(&(note + "."))
+        Table::new(&format!("chart-{robot}-{scene}"), header).with(rows).noted(&(note + "."))
     }
 
     pub fn figure(&self) -> Figure {

@@ -103,7 +103,7 @@ impl Recorded {
         begun.states.copy_from_slice(&pieces.states[pieces.before]);
         let row = |(precision, word): &(_, &str)| {
             let (n, frames) = (TOGETHER, pieces.frames());
-            let (report, microseconds) = card::timed(&begun, &setting, *precision, [n, frames], &|solver| pieces.compare(solver))?;
+            let (report, microseconds, _) = card::timed(&begun, &setting, *precision, [n, frames], None, &|solver| pieces.compare(solver))?;
             let errors = nerd_train::evaluate::summary(system, &report.error);
             Ok(Row { of: format!("model on a GPU{word}"), errors, microseconds, diverged: report.diverged })
         };

@@ -23,7 +23,7 @@ impl Policies {
             for (word, arena, seeds) in [("neural", learned, &self.fresh), ("truth", home, &self.truth_seeds)] {
                 let config = arena.settings(&task, Some(&self.recipe), None)?;
                 for seed in seeds {
-                    let out = self.runs.join(format!("{task}-{word}-{seed}"));
+                    let out = self.runs.join(format!("{}-{word}-{seed}", nerd_tasks::word(&task)));
                     let (task, arena, config) = (task.clone(), arena.clone(), config.clone());
                     runs.push(PolicyRun { task, arena, config, seed: *seed, until: None, minutes: self.minutes, out });
                 }

@@ -174,6 +174,10 @@ impl Experiment for Policies {
         let rows = self.rows(&folders)?;
         let mut all = if self.fresh.is_empty() { Vec::new() } else { vec![tables::summary(&rows), tables::gaps(&rows)] };
         all.push(tables::each(&rows));
-        Measured::new(&serde_json::json!({ "rows": rows }), all)
+        let measured = Measured::new(&serde_json::json!({ "rows": rows }), all)?;
+        Ok(match tables::curves(&folders) {
+            Some(figure) => measured.with("curves", figure),
+            None => measured,
+        })
     }
 }

@@ -1,10 +1,12 @@
 //! What policies earned, as people read it.
 
+use std::path::PathBuf;
+
 use serde::{Deserialize, Serialize};
 
 use crate::experiments::games::{Compared, Reward, gap};
 use crate::paper::policy_reward;
-use crate::report::{Table, or_dash};
+use crate::report::{Axis, Figure, Panel, Series, Style, Table, or_dash};
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
@@ -109,11 +111,15 @@ fn of<'a>(rows: &'a [Row], task: &str, learned: bool) -> Vec<&'a Row> {
 
 /// Gaps by task and seed, and what policies earn in the truth by where they were trained.
 pub fn gaps(rows: &[Row]) -> Table {
-    let lines = nerd_tasks::names().into_iter().filter_map(|task| {
-        let (learned, truth) = (of(rows, task, true), of(rows, task, false));
-        if learned.is_empty() && truth.is_empty() {
-            return None;
+    let mut tasks: Vec<&str> = nerd_tasks::names();
+    tasks.retain(|task| rows.iter().any(|r| r.task == *task));
+    rows.iter().for_each(|r| {
+        if !tasks.contains(&r.task.as_str()) {
+            tasks.push(&r.task)
         }
+    });
+    let lines = tasks.into_iter().map(|task| {
+        let (learned, truth) = (of(rows, task, true), of(rows, task, false));
         let gaps = |rows: &[&Row]| rows.iter().filter_map(|r| r.rewards.gap).collect::<Vec<_>>();
         let sizes = |rows: &[&Row]| gaps(rows).iter().map(|g| g.abs()).collect::<Vec<_>>();
         let mean = |of: &[f64]| if of.is_empty() { f64::NAN } else { of.iter().sum::<f64>() / of.len() as f64 };
@@ -127,7 +133,7 @@ pub fn gaps(rows: &[Row]) -> Table {
         let (l, t) = (sizes(&learned), sizes(&truth));
         let halves: Vec<f64> = learned.iter().filter_map(|r| r.half.map(f64::abs)).collect();
         let head = vec![task.to_string(), word(mean(&l), 2), word(most(&l), 2), seeds(&learned), word(most(&t), 2), seeds(&truth)];
-        Some(head.into_iter().chain([word(earned(&learned), 1), word(earned(&truth), 1), word(share, 1), word(mean(&halves), 2)]).collect())
+        head.into_iter().chain([word(earned(&learned), 1), word(earned(&truth), 1), word(share, 1), word(mean(&halves), 2)]).collect()
     });
     let header = [
         "task",
@@ -146,4 +152,20 @@ pub fn gaps(rows: &[Row]) -> Table {
                 the truth's own earn there after as many steps. The truth at half its substeps (two of Runge-Kutta where nothing touches) \
                 plays the same policies.";
     Table::new("fresh", &header).with(lines).noted(note)
+}
+
+/// Rewards of episodes while policies learned, over seconds of that, from the curves that their folders have; none of older ones.
+pub fn curves(folders: &[PathBuf]) -> Option<Figure> {
+    let series = folders.iter().filter_map(|folder| {
+        let text = std::fs::read_to_string(folder.join("curve.csv")).ok()?;
+        let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
+        let header = lines.next()?;
+        let [x, y] = ["seconds", "reward"].map(|name| header.iter().position(|column| *column == name));
+        let ((x, y), number) = (x.zip(y)?, |line: &[&str], k: usize| line.get(k).and_then(|text| text.parse().ok()));
+        let points = lines.filter_map(|line| number(&line, x).zip(number(&line, y)));
+        Some(Series::new(short(&folder.display().to_string()), Style::Line, points))
+    });
+    let [x, y] = ["seconds of learning", "mean reward of the last episodes"].map(Axis::linear);
+    let panel = Panel { x, y, series: series.collect(), ..Panel::default() };
+    (!panel.series.is_empty()).then(|| Figure::single("Policies while they learn".into(), panel))
 }

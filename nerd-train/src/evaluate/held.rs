@@ -1,0 +1,42 @@
+//! Joints held by drives on their way to random targets, a new one every 20 ms: what a policy asks of a robot.
+
+use nerd_sim::drive::{Drive, holding, specified};
+
+use super::{Action, PassiveConfig};
+use crate::prelude::*;
+
+/// Time from one target to the next (s).
+const PERIOD: f64 = 0.02;
+
+/// Targets of [`Action::Held`].
+pub struct Held {
+    /// Of one environment, at the default pose.
+    pub rest: Vec<Drive>,
+    /// Frames from one target to the next.
+    pub every: usize,
+    /// How far they are from the default pose (rad or m), `[target][env][joint]`.
+    pub targets: Vec<Vec<Vec<f64>>>,
+}
+
+impl Held {
+    /// Of all starts of a protocol; none if it drives joints otherwise.
+    pub fn new(system: &System, config: &PassiveConfig) -> Option<Self> {
+        let Action::Held(size) = config.action else { return None };
+        let mut rest = specified(system);
+        if rest.is_empty() {
+            rest = holding(system, &system.default_state());
+        }
+        let every = ((PERIOD / system.frame_time).round() as usize).max(1);
+        let mut streams: Vec<_> = (0..config.starts as u64).map(|env| stream(config.seed.wrapping_add(1), env)).collect();
+        let draw = |rng: &mut ChaCha8Rng| rest.iter().map(|_| rng.random_range(-1.0..=1.0) * size).collect();
+        let targets = (0..config.steps.div_ceil(every)).map(|_| streams.iter_mut().map(draw).collect()).collect();
+        Some(Self { rest, every, targets })
+    }
+
+    /// Drives of a number of environments, which take those of the starts in turn.
+    pub fn drives(&self, target: usize, environments: usize) -> Vec<Drive> {
+        let of =
+            |own: &Vec<f64>| self.rest.iter().zip(own).map(|(drive, x)| Drive { target: drive.target + x, ..*drive }).collect::<Vec<_>>();
+        self.targets[target].iter().cycle().take(environments).flat_map(of).collect()
+    }
+}
