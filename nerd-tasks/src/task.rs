@@ -82,6 +82,14 @@ pub trait Task: Send + Sync {
         System::named(self.robot())
     }
 
+    /// A robot like its own, with what the task says of robots: frames, substeps, rotors, terrain.
+    ///
+    /// # Errors
+    /// If that is out of its range for this one.
+    fn fit(&self, robot: Arc<System>) -> Result<Arc<System>, SystemError> {
+        Ok(robot)
+    }
+
     /// The text that it was read from, if it was ([`crate::FileTask`]).
     fn text(&self) -> Option<&str> {
         None

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use nerd_sim::prelude::Range;
-use nerd_sim::scene::TerrainSpec;
+use nerd_sim::prelude::*;
+use nerd_sim::{scene::TerrainSpec, system::SystemError};
 use serde::Deserialize;
 
 /// As it is written.
@@ -49,6 +49,23 @@ pub(super) struct Keys {
     pub allowed: Allowed,
     #[serde(default)]
     pub residuals: Vec<String>,
+}
+
+impl Keys {
+    /// A robot with frames, rotors and terrain as the file says.
+    pub fn fit(&self, mut robot: Arc<System>) -> Result<Arc<System>, SystemError> {
+        let own = Arc::make_mut(&mut robot);
+        if self.frame_time.is_some() || self.substeps.is_some() {
+            *own = own.paced(self.frame_time, self.substeps)?;
+        }
+        if self.rotors {
+            *own = own.clone().with_rotors();
+        }
+        if let Some(terrain) = self.terrain {
+            *own = own.clone().with_terrain(terrain)?;
+        }
+        Ok(robot)
+    }
 }
 
 /// A number and its unit, as in "0.1 m/s".

@@ -9,7 +9,7 @@ use nerd_sim::range::within;
 use nerd_sim::system::{SystemError, TERRAIN};
 
 use super::expression::{Part, Reader};
-use super::keys::{Allowed, Keys, Terms};
+use super::keys::{Keys, Terms};
 use super::{program::Program, words::Facts};
 use crate::formula::{Formulas, Number, Sight, Tape, Traced};
 use crate::{About, TaskError};
@@ -21,7 +21,7 @@ pub struct FileTask {
     text: String,
     goal: Vec<[f64; 2]>,
     place: bool,
-    allowed: Allowed,
+    keys: Keys,
     /// Observation, torques, reward, end, miss and residuals.
     observe: Program,
     act: Program,
@@ -44,22 +44,15 @@ impl FileTask {
         let Some(robot) = robot.or(keys.robot.as_deref()) else {
             return Err(wrong("it is for any robot: name one with --robot, or under the key `robot`".into()));
         };
-        let mut system = System::named(robot)?;
-        if keys.frame_time.is_some() || keys.substeps.is_some() {
-            system = Arc::new(system.paced(keys.frame_time, keys.substeps)?);
-        }
-        if keys.rotors {
-            system = Arc::new(Arc::unwrap_or_clone(system).with_rotors());
-        }
-        let mut usual = system.spec.data_scene.clone().unwrap_or_else(|| "free".into());
-        if let Some(terrain) = keys.terrain {
+        if let Some(terrain) = &keys.terrain {
             if keys.scene.is_some() {
                 return Err(wrong("scene: [terrain] is the scene; leave one of the two out".into()));
             }
             terrain.check().map_err(|e| wrong(format!("terrain: {e}")))?;
-            system = Arc::new(Arc::unwrap_or_clone(system).with_terrain(terrain)?);
-            usual = TERRAIN.into();
         }
+        let system = keys.fit(System::named(robot)?)?;
+        let ground = keys.terrain.map(|_| TERRAIN.into()).or_else(|| system.spec.data_scene.clone());
+        let usual = ground.unwrap_or_else(|| "free".into());
         levels(&keys).map_err(wrong)?;
         let scene = system.scene(keys.scene.as_ref().unwrap_or(&usual))?;
         let facts = Facts::new(&system, &scene, system.frame_time * keys.frames as f64);
@@ -120,8 +113,7 @@ impl FileTask {
             frames: keys.frames,
         };
         about.check().map_err(wrong)?;
-        let allowed = keys.allowed;
-        Ok(Self { about, system, text: text.into(), goal, place, allowed, observe, act, reward, over, miss, residuals, remembers, levels })
+        Ok(Self { about, system, text: text.into(), goal, place, keys, observe, act, reward, over, miss, residuals, remembers, levels })
     }
 }
 
@@ -195,6 +187,10 @@ impl Formulas for FileTask {
         Ok(self.system.clone())
     }
 
+    fn fit(&self, robot: Arc<System>) -> Result<Arc<System>, SystemError> {
+        self.keys.fit(robot)
+    }
+
     fn text(&self) -> Option<&str> {
         Some(&self.text)
     }
@@ -216,7 +212,7 @@ impl Formulas for FileTask {
     }
 
     fn allowed(&self) -> (f64, &str) {
-        (self.allowed.0, &self.allowed.1)
+        (self.keys.allowed.0, &self.keys.allowed.1)
     }
 
     fn observe<N: Number>(&self, sight: &mut impl Sight<N>, out: &mut [N]) {

@@ -18,6 +18,11 @@ pub trait Formulas: Send + Sync {
         System::named(self.about().robot)
     }
 
+    /// As [`crate::Task::fit`].
+    fn fit(&self, robot: Arc<System>) -> Result<Arc<System>, SystemError> {
+        Ok(robot)
+    }
+
     /// As [`crate::Task::text`].
     fn text(&self) -> Option<&str> {
         None

@@ -20,6 +20,10 @@ impl<F: Formulas> Task for F {
         Formulas::system(self)
     }
 
+    fn fit(&self, robot: Arc<System>) -> Result<Arc<System>, SystemError> {
+        Formulas::fit(self, robot)
+    }
+
     fn text(&self) -> Option<&str> {
         Formulas::text(self)
     }

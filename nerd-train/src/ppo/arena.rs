@@ -50,7 +50,8 @@ impl Arena {
         if device != Device::Cpu && !(device.is_cuda() && truth == Truth::Articulated) {
             refuse!("--device {device}: robots that differ are on the CPU, and of `articulated` on `cuda`");
         }
-        let (family, task) = (System::named(name)?, named(task)?);
+        let task = named(task)?;
+        let family = task.fit(System::named(name)?)?;
         if family.spec.vary.is_none() {
             refuse!("nothing of `{name}` is drawn; give its TOML a [vary]");
         }
@@ -175,7 +176,7 @@ impl Arena {
         let n = envs.len();
         let system = match self {
             Self::Judge(Setting::Paper) => System::named(&format!("{}-paper", task.robot()))?,
-            Self::Family(_, family, _) => on_ground(family, &*task)?,
+            Self::Family(_, family, _) => family.clone(),
             _ => task.system()?,
         };
         if n == 0 {
@@ -212,11 +213,4 @@ impl Arena {
         episodes.remember(memory);
         Ok(episodes)
     }
-}
-
-/// A family's robots with the terrain of a task, if it has some.
-fn on_ground(family: &Arc<System>, task: &dyn Task) -> Result<Arc<System>> {
-    let own = task.system()?;
-    let terrain = own.spec.scenes.iter().find(|scene| scene.name == task.scene()).and_then(|scene| scene.terrain);
-    Ok(terrain.map_or(Ok(family.clone()), |terrain| (**family).clone().with_terrain(terrain).map(Arc::new))?)
 }

@@ -240,6 +240,11 @@ fn each_environment_has_a_robot_of_a_family() {
         let said = arena(name).map(|_| ()).expect_err(name).to_string();
         assert!(said.contains(why), "{name}: {said}");
     }
+    // A family goes at its task's pace, on its ground.
+    let rough = Arena::family("rough@anymal", "anymal-family", Truth::Articulated, Device::Cpu).expect("a family of ANYmal");
+    let batch = rough.episodes("rough@anymal", 1, 0).expect("episodes").simulation.batch;
+    let own = &batch.systems[0];
+    assert_eq!((own.frame_time, own.spec.substeps, &*batch.scenes[0].name), (0.005, 1, "terrain"));
 }
 
 /// In a model of a family an episode begins where a robot came in the truth, and goes on as a model that was led there does, not as one that
