@@ -1,4 +1,4 @@
-//! A solver behind a robot's motors and sensors ([`Motors`]): torques act late, are weaker or ripple, and states are what sensors show.
+//! A solver behind a robot's motors and sensors ([`Motors`]): torques act late, are weaker, fall with speed or ripple, and states are what sensors show.
 //!
 //! ```
 //! use nerd_sim::prelude::*;
@@ -69,8 +69,9 @@ impl<S: Solver> Rig<S> {
             asked.copy_within(..(FRAMES - 1) * joints, joints);
             asked[..joints].copy_from_slice(&torques[env * joints..][..joints]);
             let rows: [&[f64]; FRAMES] = std::array::from_fn(|k| &asked[k * joints..(k + 1) * joints]);
-            let positions = &batch.state(env)[batch.system.robot.root_coords()..];
-            batch.of(env).motors.act(&rows, positions, &mut self.torques[env * joints..][..joints]);
+            let (robot, state) = (&batch.system.robot, batch.state(env));
+            let (positions, velocities) = (&state[robot.root_coords()..], &state[robot.nq() + robot.root_dofs()..]);
+            batch.of(env).motors.act(&rows, positions, velocities, &mut self.torques[env * joints..][..joints]);
         }
     }
 }

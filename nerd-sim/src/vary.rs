@@ -106,7 +106,7 @@ fn varied(system: &System, take: &mut dyn FnMut(&Drawn) -> f64) -> Option<(Syste
     if let Some(size) = take("gravity", "", &vary.gravity, system.gravity().norm()) {
         own.spec.gravity = (own.gravity().normalize() * size).into();
     }
-    let Motors { delay, strength, zeros, ripple, noise, root_noise, lag } = &mut own.motors;
+    let Motors { delay, strength, zeros, ripple, lines, noise, root_noise, lag } = &mut own.motors;
     for (joint, spec) in own.robot.joints_mut().zip(&mut own.spec.joints) {
         if let Some(factor) = take("gain", &joint.name, &vary.gain, 1.0) {
             spec.kp *= factor;
@@ -121,6 +121,7 @@ fn varied(system: &System, take: &mut dyn FnMut(&Drawn) -> f64) -> Option<(Syste
         joint.friction += take("dry_friction", &joint.name, &vary.dry_friction, 0.0).unwrap_or(0.0);
         strength.extend(take("strength", &joint.name, &vary.strength, 1.0));
         zeros.extend(take("zero", &joint.name, &vary.zero, 0.0));
+        lines.extend(take("top_speed", &joint.name, &vary.top_speed, f64::INFINITY).map(|top| [spec.most(joint), top]));
         ripple.extend(take("ripple", &joint.name, &vary.ripple, 0.0));
     }
     *delay += take("delay", "", &vary.delay, 0.0).unwrap_or(0.0);

@@ -21,7 +21,8 @@ pub fn check_kin(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Res
 /// The same as [`check`], drives and robots of their own allowed and looked at.
 pub(crate) fn sound(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     if batch.systems.iter().chain([&batch.system]).any(|own| !own.motors.ideal()) {
-        let text = "a robot has motors of its own (vary: delay, strength, zero, ripple): put nerd_sim::rig::Rig around this solver";
+        let text =
+            "a robot has motors of its own (vary: delay, strength, zero, top_speed, ripple): put nerd_sim::rig::Rig around this solver";
         return Err(StepError::Refused(text.into()));
     }
     numbers(batch, torques, faults)

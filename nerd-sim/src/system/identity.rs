@@ -83,8 +83,11 @@ impl System {
             value["self_collision"] = json!([capsules.collect::<Vec<_>>(), self.folds.own, self.folds.pairs]);
         }
         if !self.motors.ideal() {
-            let Motors { delay, strength, zeros, ripple, .. } = &self.motors;
+            let Motors { delay, strength, zeros, ripple, lines, .. } = &self.motors;
             value["motors"] = json!([delay, strength, zeros, ripple]);
+            if !lines.is_empty() {
+                value["motors"][4] = json!(lines);
+            }
         }
         value
     }

@@ -17,6 +17,9 @@ pub struct Motors {
     /// Torque (N m or N) of each joint that a frame adds, times the sine of six times the position where it begins: an effect that no
     /// analytic solver of ours has.
     pub ripple: Vec<f64>,
+    /// Line of torque over speed of each joint's motor, of direct current: its torque at rest (N m or N) falls to nothing at a speed (rad/s or
+    /// m/s). A frame's torque keeps below the line at the speed where it begins.
+    pub lines: Vec<[f64; 2]>,
     /// Size of the white noise on what sensors show of each joint (rad or m): on its position, and over a frame time on its velocity. What is
     /// recorded has it ([`crate::dataset`]) and what a policy sees ([`crate::disturb`]), nothing that is stepped.
     pub noise: f64,
@@ -30,12 +33,16 @@ impl Motors {
     /// Whether torques act as they are asked for and sensors show where joints are, but for noise.
     pub fn ideal(&self) -> bool {
         let all = |x: &[f64], value: f64| x.iter().all(|x| *x == value);
-        self.delay == 0.0 && all(&self.strength, 1.0) && all(&self.zeros, 0.0) && all(&self.ripple, 0.0)
+        self.delay == 0.0 && all(&self.strength, 1.0) && all(&self.zeros, 0.0) && all(&self.ripple, 0.0) && self.lines.is_empty()
     }
 
-    /// Torques of a frame: of those asked for now, a frame ago and so on, by joint positions as they are.
-    pub(crate) fn act(&self, asked: &[&[f64]], positions: &[f64], out: &mut [f64]) {
+    /// Torques of a frame: of those asked for now, a frame ago and so on, by joint positions and velocities as they are.
+    pub(crate) fn act(&self, asked: &[&[f64]], positions: &[f64], velocities: &[f64], out: &mut [f64]) {
         late(self.delay, asked, out);
+        for (tau, ([rest, top], qd)) in out.iter_mut().zip(self.lines.iter().zip(velocities)) {
+            let side = |sign: f64| rest * (1.0 - sign * qd / top).clamp(0.0, 1.0);
+            *tau = tau.clamp(-side(-1.0), side(1.0));
+        }
         out.iter_mut().zip(&self.strength).for_each(|(tau, factor)| *tau *= factor);
         let ripple = self.ripple.iter().zip(positions).map(|(size, q)| size * (WAVES * q).sin());
         out.iter_mut().zip(ripple).for_each(|(tau, more)| *tau += more);

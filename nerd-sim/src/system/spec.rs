@@ -222,6 +222,14 @@ pub struct JointSpec {
     pub reset: StartSpec,
 }
 
+impl JointSpec {
+    /// Most torque of its motor (N m or N): the first that is known of the torque of a unit action, the effort of the robot's file, and `kp`.
+    pub fn most(&self, joint: &Joint) -> f64 {
+        let known = [self.gain.unwrap_or(self.torque), joint.effort, self.kp];
+        known.into_iter().find(|x| *x > 0.0 && x.is_finite()).unwrap_or(1.0)
+    }
+}
+
 /// Spring and damper of a joint limit.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]

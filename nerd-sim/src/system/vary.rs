@@ -38,6 +38,8 @@ pub struct VarySpec {
     pub delay: Option<Range>,
     /// Position of each joint where its sensor shows 0 (rad or m).
     pub zero: Option<Range>,
+    /// Speed at which the torque of each joint's motor has fallen to nothing (rad/s or m/s), from [`JointSpec::most`] at rest.
+    pub top_speed: Option<Range>,
     /// Size of each joint's torque ripple (N m or N): what no analytic solver knows, and no model is told.
     pub ripple: Option<Range>,
     /// Size of the white noise of each joint's sensor (rad or m): so much on its position, and that over a frame time on its velocity. It is in
@@ -60,7 +62,7 @@ const FACTOR: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
 
 impl VarySpec {
     /// The ranges by key, with what they may hold.
-    fn ranges(&self) -> [(&'static str, Option<Range>, std::ops::RangeInclusive<f64>, &'static str); 21] {
+    fn ranges(&self) -> [(&'static str, Option<Range>, std::ops::RangeInclusive<f64>, &'static str); 22] {
         [
             ("mass", self.mass, FACTOR, ""),
             ("inertia", self.inertia, FACTOR, ""),
@@ -77,6 +79,7 @@ impl VarySpec {
             ("strength", self.strength, 0.0..=1e3, ""),
             ("delay", self.delay, 0.0..=LATEST, "frames"),
             ("zero", self.zero, -1e3..=1e3, ""),
+            ("top_speed", self.top_speed, 1e-3..=1e6, ""),
             ("ripple", self.ripple, 0.0..=1e6, ""),
             ("noise", self.noise, 0.0..=1e3, ""),
             ("root_noise", self.root_noise, 0.0..=1e3, "m"),
@@ -100,7 +103,7 @@ impl VarySpec {
 
     /// Whether motors or sensors differ.
     pub(crate) fn rigged(&self) -> bool {
-        [self.strength, self.delay, self.zero, self.ripple].iter().any(Option::is_some)
+        [self.strength, self.delay, self.zero, self.top_speed, self.ripple].iter().any(Option::is_some)
     }
 
     pub(crate) fn check(&self, gravity: bool) -> Result<(), String> {
@@ -120,7 +123,8 @@ impl VarySpec {
     }
 
     pub(crate) fn fits(&self, robot: &Robot) -> Result<(), String> {
-        let joints = ["gain", "joint_damping", "armature", "damping", "dry_friction", "strength", "delay", "zero", "ripple", "noise"];
+        let joints =
+            ["gain", "joint_damping", "armature", "damping", "dry_friction", "strength", "delay", "zero", "top_speed", "ripple", "noise"];
         let asked = |(key, range, ..): &(&'static str, Option<Range>, _, _)| range.is_some().then_some(*key);
         for key in self.ranges().iter().filter_map(asked) {
             if joints.contains(&key) && robot.joint_count() == 0 {

@@ -22,7 +22,14 @@ fn robots_of_a_family_move_as_their_solvers_have_them() {
     let rubbed = VarySpec { joint_damping: half, damping: range(0.0, 2.0), dry_friction: range(0.1, 4.0), ..all.clone() };
     let ground = VarySpec { friction: range(0.4, 1.2), stiffness: half, contact_damping: half, gravity: range(8.0, 11.0), ..none.clone() };
     let late = VarySpec { delay: range(0.0, 2.0), ..none.clone() };
-    let rig = VarySpec { delay: late.delay, strength: half, zero: range(-0.1, 0.1), ripple: range(0.0, 20.0), ..rubbed };
+    let rig = VarySpec {
+        delay: late.delay,
+        strength: half,
+        zero: range(-0.1, 0.1),
+        top_speed: range(1.0, 9.0),
+        ripple: range(0.0, 20.0),
+        ..rubbed
+    };
     for (name, scene, spec) in [
         ("pendulum", "free", all.clone()),
         ("pendulum", "free", late),

@@ -85,6 +85,26 @@ fn sensors_show_what_is_moved_and_torques_ripple_with_the_place() {
     assert_eq!(found, expected, "a ripple is the sine of six turns");
 }
 
+/// A direct-current motor: all of its torque at rest, half of it at half its top speed, none of it there, and all against the motion.
+#[test]
+fn torque_falls_with_speed_along_a_line() {
+    let own = pendulum(VarySpec { top_speed: just(8.0), ..Default::default() });
+    let most: Vec<f64> = own.robot.joints().zip(own.joint_specs()).map(|(joint, spec)| spec.most(joint)).collect();
+    for (speed, side, share) in
+        [(0.0, 1.0, 1.0), (4.0, 1.0, 0.5), (8.0, 1.0, 0.0), (20.0, 1.0, 0.0), (4.0, -1.0, 1.0), (-2.0, 1.0, 1.0), (-2.0, -1.0, 0.75)]
+    {
+        let start = [0.3, -1.2, speed, speed];
+        let (mut solver, mut bare) = (Rig::new(solver()), solver());
+        let [mut found, mut expected] = [at(&built_in("pendulum"), "free", &start), at(&built_in("pendulum"), "free", &start)];
+        found.systems = vec![own.clone()];
+        let torques = |share: f64| most.iter().map(|most| side * share * most).collect::<Vec<_>>();
+        solver.step(&mut found, &torques(3.0)).expect("it can be stepped");
+        bare.step(&mut expected, &torques(share)).expect("it can be stepped");
+        let apart = found.states.iter().zip(&expected.states).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(apart < 1e-12, "at {speed} rad/s, side {side}: {apart} from {share} of {most:?} N m");
+    }
+}
+
 /// Damping, dry friction and armature that are drawn act as those of a file.
 #[test]
 fn what_brakes_joints_is_as_in_a_file() {

@@ -125,13 +125,7 @@ impl Facts {
             "kp" => specs(&|joint| joint.kp),
             "kd" => specs(&|joint| joint.kd),
             "gain" => specs(&|joint| joint.gain.unwrap_or(joint.torque)),
-            "most" => {
-                let most = |(joint, spec): (&nerd_sim::nerd_core::robot::Joint, &nerd_sim::system::JointSpec)| {
-                    let known = [spec.gain.unwrap_or(spec.torque), joint.effort, spec.kp];
-                    known.into_iter().find(|x| *x > 0.0 && x.is_finite()).unwrap_or(1.0)
-                };
-                list(robot.joints().zip(system.joint_specs()).map(most).collect(), Of::Joints)
-            }
+            "most" => list(robot.joints().zip(system.joint_specs()).map(|(joint, spec)| spec.most(joint)).collect(), Of::Joints),
             "low" => joints(&limit(false)),
             "high" => joints(&limit(true)),
             "gap" => {

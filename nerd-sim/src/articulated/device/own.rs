@@ -13,7 +13,7 @@ type Changes = fn(&VarySpec) -> bool;
 
 /// Names of tables, and what changes them: first those that a solver reads from its tree, then from [`SOLVERS`] on those that are read where they are,
 /// by what surrounds it.
-const TABLES: [(&str, Changes); 19] = [
+const TABLES: [(&str, Changes); 20] = [
     ("MASS", |v| v.mass.is_some()),
     ("COM", |v| v.com.is_some()),
     ("BODY", |v| v.mass.is_some() || v.inertia.is_some()),
@@ -30,15 +30,16 @@ const TABLES: [(&str, Changes); 19] = [
     ("LATE", |v| v.delay.is_some()),
     ("STRENGTH", |v| v.strength.is_some()),
     ("ZERO", |v| v.zero.is_some()),
+    ("LINE", |v| v.top_speed.is_some()),
     ("RIPPLE", |v| v.ripple.is_some()),
     ("NOISE", VarySpec::noisy),
     ("LAG", |v| v.lag.is_some()),
 ];
 const SOLVERS: usize = 11;
 /// Those of motors and what joints' sensors show, of noise, and of lateness.
-const MOTORS: [usize; 4] = [13, 14, 15, 16];
-const NOISE: usize = 17;
-const LAG: usize = 18;
+const MOTORS: [usize; 5] = [13, 14, 15, 16, 17];
+const NOISE: usize = 18;
+const LAG: usize = 19;
 /// Says that robots differ, if in no table.
 const FAMILY: u32 = 1 << 31;
 
@@ -146,6 +147,7 @@ fn tables(system: &System) -> [Vec<f64>; TABLES.len()] {
         vec![motors.delay],
         each(&motors.strength, 1.0),
         each(&motors.zeros, 0.0),
+        if motors.lines.is_empty() { [0.0, 1.0].repeat(robot.joint_count()) } else { motors.lines.as_flattened().to_vec() },
         each(&motors.ripple, 0.0),
         vec![motors.noise, motors.root_noise[0], motors.root_noise[1]],
         vec![motors.lag],

@@ -1,4 +1,5 @@
-// A family's motors and sensors around a frame, as rig.rs and system/motors.rs have them: LATE (frames), STRENGTH, ZERO and RIPPLE of a robot, in
+// A family's motors and sensors around a frame, as rig.rs and system/motors.rs have them: LATE (frames), STRENGTH, ZERO, LINE (torque at rest, top
+// speed) and RIPPLE of a robot, in
 // its scene's record or the same for all.
 
 #if RIGGED
@@ -19,7 +20,11 @@ BIG int rigged(double* state, const double* tau, const double* scene, const doub
     const double share = LATE(scene)[0] - late;
     for (int i = 0; i < NJ; i++) {
         const double now = late ? asked[(late - 1) * NJ + i] : tau[i], before = late < LATEST ? asked[late * NJ + i] : now;
-        acting[i] = (now + share * (before - now)) * STRENGTH(scene)[i] + RIPPLE(scene)[i] * sin(WAVES * moved[COORDS + i]);
+        // 0 says that there is no line.
+        const double rest = LINE(scene)[2 * i], speed = moved[NQ + DOFS + i] / LINE(scene)[2 * i + 1];
+        double of = now + share * (before - now);
+        if (rest) of = fmin(fmax(of, -rest * fmin(fmax(1 + speed, 0.0), 1.0)), rest * fmin(fmax(1 - speed, 0.0), 1.0));
+        acting[i] = of * STRENGTH(scene)[i] + RIPPLE(scene)[i] * sin(WAVES * moved[COORDS + i]);
     }
     for (int k = LATEST * NJ - 1; k >= 0; k--) asked[k] = k < NJ ? tau[k] : asked[k - NJ];
     const int fault = frame(moved, acting, scene, drives, forces);
