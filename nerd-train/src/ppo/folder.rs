@@ -70,6 +70,12 @@ pub fn load(folder: &Path) -> Result<(PolicyConfig, Policy)> {
     read(folder, config, &*task)
 }
 
+/// What the task of a policy's folder was called when it learned: its name, or of one from a file as [`nerd_tasks::word`] has it.
+pub fn called(folder: &Path) -> Result<String> {
+    let task = config(folder)?.1.task;
+    Ok(if nerd_tasks::names().contains(&task.as_str()) { task } else { nerd_tasks::word(&task) })
+}
+
 /// The text of a task that does not come with the project.
 pub(super) fn own(task: &dyn Task) -> Option<&str> {
     task.text().filter(|_| !nerd_tasks::names().contains(&task.name()))

@@ -70,12 +70,11 @@ impl RecordConfig {
             let (config, policy) = crate::ppo::folder::load(&shipped::find(folder))?;
             let task = nerd_tasks::named(&config.task)?;
             // A policy of the robot that a family is like acts on all of the family. A task may pace its robot, or give it rotors.
-            let its = task.system()?;
+            let its = task.system()?.paced(None, Some(system.spec.substeps))?;
             let own = its.robot_sha256() == system.robot_sha256() || system.spec.vary.is_some() && system.alike(&its).is_ok();
             if !own {
-                let [this, other] =
-                    [system, &*its].map(|s| format!("`{}` ({} substeps of a frame of {:.4} s)", s.name, s.spec.substeps, s.frame_time));
-                refuse!("{} acts on {other}, not on {this}", folder.display());
+                let [this, other] = [system, &its].map(|s| format!("`{}` with frames of {:.4} s", s.name, s.frame_time));
+                refuse!("{} acts on {other}, not on {this}, or their numbers differ", folder.display());
             }
             policies.push((task.into(), policy));
         }

@@ -107,34 +107,35 @@ impl Policies {
 
     /// Every policy's row and, of tasks for any robot, that of one whose actions are 0.
     fn rows(&self, folders: &[PathBuf]) -> Result<Vec<Row>> {
-        let given = folders.iter().map(|path| Ok((folder::load(path)?, from_root(path))));
-        let mut all = given.collect::<Result<Vec<((PolicyConfig, Policy), String)>>>()?;
+        let given = folders.iter().map(|path| Ok((folder::load(path)?, [folder::called(path)?, from_root(path)])));
+        let mut all = given.collect::<Result<Vec<((PolicyConfig, Policy), [String; 2])>>>()?;
         for k in 0..all.len() {
-            let ((config, policy), _) = &all[k];
-            let first = all.iter().position(|((other, _), _)| other.task == config.task) == Some(k);
-            if first && !nerd_tasks::names().contains(&config.task.as_str()) {
+            let ((config, policy), [task, _]) = &all[k];
+            let first = all.iter().position(|(_, [other, _])| other == task) == Some(k);
+            if first && !nerd_tasks::names().contains(&task.as_str()) {
                 let (config, flat) = (PolicyConfig { solver: "-".into(), ..config.clone() }, vec![0.0; policy.flat.len()]);
-                all.push(((config, Policy { flat, ..policy.clone() }), "keeps still".into()));
+                all.push(((config, Policy { flat, ..policy.clone() }), [task.clone(), "keeps still".into()]));
             }
         }
         let bar = bar("policies played", all.len() as u64);
-        let rows = all.into_par_iter().map(|((config, policy), name)| self.row(config, &policy, name).inspect(|_| bar.add(1)));
+        let rows = all.into_par_iter().map(|((config, policy), names)| self.row(config, &policy, names).inspect(|_| bar.add(1)));
         let rows = rows.collect();
         bar.finish();
         rows
     }
 
-    fn row(&self, config: PolicyConfig, policy: &Policy, name: String) -> Result<Row> {
+    fn row(&self, config: PolicyConfig, policy: &Policy, [called, name]: [String; 2]) -> Result<Row> {
         let task = config.task;
         let (model, truth) = self.host(&task)?;
         let play = |arena| games(&task, &arena, policy, self.games, self.seed);
         let home = self.family.as_ref().map_or(Ok(Arena::Truth(truth)), |family| Arena::family(&task, family, truth, self.device))?;
         let real = play(home.clone())?;
-        let length = nerd_tasks::named(&task)?.episode_length() as f64;
+        let own = nerd_tasks::named(&task)?;
+        let (length, (allowed, unit)) = (own.episode_length() as f64, own.allowed());
         let fell = real.iter().filter(|game| game.length < length).count() as f64 / real.len() as f64;
         let learned = Arena::Model { folder: model.clone(), device: self.device };
         let learned = if self.alone() { None } else { Some(play(learned)?) };
-        let system = nerd_tasks::named(&task)?.system()?;
+        let system = own.system()?;
         let bare = system.robot.contact_points.is_empty();
         let half = if bare { Setting::Rk4(2) } else { Setting::Implicit(system.spec.substeps.div_ceil(2)) };
         let half = if self.fresh.is_empty() { None } else { Compared::of(&real, Some(&play(Arena::Judge(half))?)).gap };
@@ -147,7 +148,8 @@ impl Policies {
             model: learned.is_some().then(|| from_root(&model)),
             games: self.games,
             rewards: Compared::of(&real, learned.as_deref()),
-            task,
+            allowed: (allowed != 1.0).then(|| (allowed, unit.into())),
+            task: called,
         })
     }
 }

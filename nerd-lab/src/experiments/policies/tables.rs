@@ -24,6 +24,9 @@ pub struct Row {
     /// On robots of a family, and of tasks for any robot: share of games that were over before their time.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fell: Option<f64>,
+    /// How much of the miss is allowed, and its unit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub allowed: Option<(f64, String)>,
 }
 
 const NOTE: &str = "Reward of a game under mean actions. Gap: (reward in NeRD - in the truth) / |reward in the truth|.";
@@ -77,20 +80,15 @@ pub fn each(rows: &[Row]) -> Table {
     }
     if rows.iter().any(|r| r.rewards.real.miss.is_some()) {
         table.header.push("miss in truth".into());
-        table
-            .rows
-            .iter_mut()
-            .zip(rows)
-            .for_each(|(line, row)| line.push(or_dash(row.rewards.real.miss.map(|miss| missed(&row.task, miss)))));
+        table.rows.iter_mut().zip(rows).for_each(|(line, row)| line.push(or_dash(row.rewards.real.miss.map(|miss| missed(row, miss)))));
         table.note += " Miss: mean over games of the mean miss over a game's last half.";
     }
     table
 }
 
 /// A miss in its task's own unit; without one, as a share of what is allowed.
-fn missed(task: &str, miss: f64) -> String {
-    let task = nerd_tasks::named(task);
-    let (allowed, unit) = task.as_ref().map_or((1.0, ""), |task| task.allowed());
+fn missed(row: &Row, miss: f64) -> String {
+    let (allowed, unit) = row.allowed.as_ref().map_or((1.0, ""), |(allowed, unit)| (*allowed, unit));
     format!("{:.3}{}{unit}", miss * allowed, if unit.is_empty() { "" } else { " " })
 }
 
