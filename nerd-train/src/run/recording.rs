@@ -69,12 +69,14 @@ impl RecordConfig {
         for folder in &self.policy {
             let (config, policy) = crate::ppo::folder::load(&shipped::find(folder))?;
             let task = nerd_tasks::named(&config.task)?;
-            // A policy of the robot that a family is like acts on all of the family. A task may pace its robot, or give it rotors.
-            let its = task.system()?.paced(None, Some(system.spec.substeps))?;
-            let own = its.robot_sha256() == system.robot_sha256() || system.spec.vary.is_some() && system.alike(&its).is_ok();
-            if !own {
-                let [this, other] = [system, &its].map(|s| format!("`{}` with frames of {:.4} s", s.name, s.frame_time));
-                refuse!("{} acts on {other}, not on {this}, or their numbers differ", folder.display());
+            // A policy of the robot that a family is like acts on all of the family. A task may give its robot other substeps, or rotors.
+            let its = task.system()?;
+            let alike = system.alike(&its).and_then(|()| match its.name == system.name || system.spec.vary.is_some() {
+                true => Ok(()),
+                false => Err("its name is another".into()),
+            });
+            if let Err(why) = alike {
+                refuse!("{} acts on `{}`, not on `{}`: {why}", folder.display(), task.robot(), system.name);
             }
             policies.push((task.into(), policy));
         }
