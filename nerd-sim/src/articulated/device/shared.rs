@@ -54,6 +54,11 @@ impl SharedStates {
     /// # Errors
     /// What of it has no kernel, or that there is no card or not enough memory.
     pub fn hold(&mut self, Simulation { batch, solver }: &mut Simulation) -> Result<(), StepError> {
+        if solver.capabilities().forces {
+            batch.watch()
+        } else {
+            batch.forces.clear()
+        }
         let resident = resident(solver)?;
         resident.hold(batch)?;
         if let Some((theirs, _)) = resident.held() {
