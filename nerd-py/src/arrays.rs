@@ -22,9 +22,8 @@ pub fn numbers<T: Element + Copy>(what: &str, given: &Bound<'_, PyAny>, shapes: 
         let found = array.dtype();
         // Byte order is part of a type.
         let known = if found.is_native_byteorder() == Some(false) { ", in this machine's byte order," } else { "" };
-        return Err(PyTypeError::new_err(format!(
-            "{what}: numbers of {wanted}{known} are needed, not of {found}; take .astype(\"{wanted}\")"
-        )));
+        let remedy = if wanted.kind() == b'b' { String::new() } else { format!("; take .astype(\"{wanted}\")") };
+        return Err(PyTypeError::new_err(format!("{what}: numbers of {wanted}{known} are needed, not of {found}{remedy}")));
     };
     if !shapes.contains(&array.shape()) {
         return Err(PyValueError::new_err(format!("{what}: an array {form} is needed, not {:?}", array.shape())));

@@ -8,11 +8,12 @@ use pyo3::prelude::*;
 
 use crate::card::{BOOL, CardArray, Order, SINGLE, address, beside};
 use crate::error::value;
+use crate::system::Named;
 use crate::task::read;
 
 /// Episodes of a task in n environments on a card, whose results are arrays there: the same memory in every step.
 ///
-/// CardTask(name, robot=None, n=1, solver="articulated")
+/// CardTask(name, robot=None, n=1, solver="articulated", family=None)
 #[pyclass(frozen, module = "nerd")]
 pub struct CardTask {
     about: nerd_tasks::About,
@@ -30,9 +31,10 @@ impl CardTask {
 #[pymethods]
 impl CardTask {
     #[new]
-    #[pyo3(signature = (name, robot=None, n=1, solver=PathBuf::from("articulated")))]
-    fn new(py: Python<'_>, name: PathBuf, robot: Option<PathBuf>, n: usize, solver: PathBuf) -> PyResult<Self> {
-        let (task, episodes) = read(name, robot, n, solver, "cuda", 0)?;
+    #[pyo3(signature = (name, robot=None, n=1, solver=PathBuf::from("articulated"), family=None))]
+    fn new(py: Python<'_>, name: PathBuf, robot: Option<Named>, n: i64, solver: PathBuf, family: Option<Named>) -> PyResult<Self> {
+        let (task, episodes) = read(name, robot, n, solver, "cuda", 0, family)?;
+        let n = episodes.len();
         let inner = py.detach(|| CudaEpisodes::new(episodes)).map_err(value)?;
         Ok(Self { about: task.about, n, order: Arc::new(Mutex::new(inner.beside())), inner: Mutex::new(inner) })
     }

@@ -4,11 +4,13 @@ use std::path::PathBuf;
 
 use nerd_model::folder::ModelConfig;
 use nerd_train::ppo::{Actor, folder, play};
+use numpy::{PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
 use crate::arrays::{Floats, made, numbers};
 use crate::error::{step, value};
-use crate::solver::Choice;
+use crate::system::Named;
+use crate::task::read;
 use crate::threads;
 
 /// A trained model: a folder that may stand wherever a solver is named.
@@ -73,6 +75,7 @@ impl Model {
 /// Policy(folder). Raises ValueError if it holds none.
 #[pyclass(frozen, module = "nerd")]
 pub struct Policy {
+    folder: PathBuf,
     task: String,
     policy: nerd_train::ppo::Policy,
     actor: Actor,
@@ -83,7 +86,16 @@ impl Policy {
     #[new]
     fn new(path: PathBuf) -> PyResult<Self> {
         let (config, policy) = folder::load(&path).map_err(value)?;
-        Ok(Self { task: config.task, actor: Actor::new(policy.clone()), policy })
+        let folder = std::path::absolute(path)?;
+        Ok(Self { folder, task: config.task, actor: Actor::new(policy.clone()), policy })
+    }
+
+    fn __fspath__(&self) -> String {
+        self.folder.to_string_lossy().into_owned()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Policy({:?}, task={:?}, inputs={})", self.folder.display().to_string(), self.task, self.inputs())
     }
 
     /// The task that it was trained for.
@@ -98,23 +110,30 @@ impl Policy {
         self.policy.shape.inputs()
     }
 
-    /// policy(rows): mean actions, float64 [n, action], for rows, float64 [n, inputs].
+    /// policy(rows): mean actions, float64 [n, action], for rows, float64 [n, inputs]; of one row [inputs] those alone.
     fn __call__<'py>(&self, py: Python<'py>, rows: &Bound<'py, PyAny>) -> PyResult<Floats<'py>> {
-        let n = rows.len()?;
-        let rows = numbers::<f64>("rows", rows, &[&[n, self.inputs()]])?;
-        threads::here(n)?;
-        let actions = py.detach(|| self.actor.mean(&rows));
-        made(py, actions, &[n, self.policy.shape.action])
+        let (n, [inputs, action]) = (rows.len()?, [self.inputs(), self.policy.shape.action]);
+        let numbers = numbers::<f64>("rows", rows, &[&[n, inputs], &[inputs]])?;
+        threads::here(numbers.len() / inputs)?;
+        let actions = py.detach(|| self.actor.mean(&numbers));
+        let alone = rows.cast::<PyUntypedArray>()?.ndim() == 1;
+        made(py, actions, &[n, action][usize::from(alone)..])
     }
 
-    /// play(n, seed=0, solver="articulated", device="cpu"): rewards and lengths, float64 [n], of n first episodes under mean actions, as
+    /// play(n, seed=0, solver="articulated", device="cpu", family=None): rewards and lengths, float64 [n], of n first episodes under mean actions, as
     /// the command line's `policy evaluate` plays them.
-    #[pyo3(signature = (n, seed=0, solver=PathBuf::from("articulated"), device="cpu"))]
-    fn play<'py>(&self, py: Python<'py>, n: usize, seed: u64, solver: PathBuf, device: &str) -> PyResult<(Floats<'py>, Floats<'py>)> {
-        threads::here(n)?;
-        let robot = nerd_tasks::named(&self.task).map_err(value)?.robot();
-        let mut episodes = Choice::new(solver, device)?.arena(&self.task, robot)?.episodes(&self.task, n, seed).map_err(value)?;
-        episodes.remember(0);
+    #[pyo3(signature = (n, seed=0, solver=PathBuf::from("articulated"), device="cpu", family=None))]
+    fn play<'py>(
+        &self,
+        py: Python<'py>,
+        n: i64,
+        seed: i64,
+        solver: PathBuf,
+        device: &str,
+        family: Option<Named>,
+    ) -> PyResult<(Floats<'py>, Floats<'py>)> {
+        let (_, mut episodes) = read(PathBuf::from(&self.task), None, n, solver, device, seed, family)?;
+        let n = episodes.len();
         let games = py.detach(|| play(&self.policy, &mut episodes, &mut |_| {})).map_err(step)?;
         let (rewards, lengths) = games.iter().map(|game| (game.reward, game.length)).unzip();
         Ok((made(py, rewards, &[n])?, made(py, lengths, &[n])?))

@@ -3,17 +3,19 @@
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use nerd_sim::drive::{Drive, holding, specified};
 use nerd_sim::prelude::{Batch, Start, System as Robot, start, stream};
 use nerd_sim::solver::{Fault, StepError};
+use nerd_sim::vary;
 use nerd_train::device::Device;
 use numpy::ndarray::ArrayView2;
-use numpy::{PyArray2, PyArrayDyn};
+use numpy::{PyArray2, PyArrayDyn, PyUntypedArray};
 use pyo3::prelude::*;
 
 use crate::arrays::{Floats, made, numbers};
 #[cfg(feature = "cuda")]
 use crate::card_states::Card;
-use crate::error::{room, step, value};
+use crate::error::{alike, room, seeded, step, value};
 use crate::solver::Choice;
 use crate::system::{Named, System};
 use crate::threads;
@@ -31,6 +33,8 @@ use crate::threads;
 /// seed: of the starts that are drawn, here and by reset().
 /// xp: with device="cuda" the library of arrays on the card, torch, say: states are one of its arrays, and so is tau. All else comes over
 /// the host.
+///
+/// vary: each environment has a robot of its own, drawn by [vary] of its TOML.
 ///
 /// Raises ValueError, in one line, for what does not go together.
 #[pyclass(frozen, module = "nerd")]
@@ -70,6 +74,19 @@ impl Simulation {
         done.map_err(step)
     }
 
+    /// Changes it by what undoes itself the second time: a card that cannot step it then keeps what was.
+    fn change(&self, py: Python<'_>, mut turn: impl FnMut(&mut nerd_sim::prelude::Simulation) + Send) -> PyResult<()> {
+        let done = self.with(py, |inner| -> Result<(), StepError> {
+            turn(&mut inner.simulation);
+            #[cfg(feature = "cuda")]
+            if let Some(card) = &self.card {
+                card.hold(&mut inner.simulation).inspect_err(|_| turn(&mut inner.simulation))?;
+            }
+            Ok(())
+        });
+        done?.map_err(step)
+    }
+
     /// The robot.
     pub fn robot(&self) -> &Robot {
         &self.system
@@ -89,17 +106,18 @@ impl Simulation {
 #[pymethods]
 impl Simulation {
     #[new]
-    #[pyo3(signature = (system, scene=None, n=1, solver=PathBuf::from("articulated"), device="cpu", seed=0, xp=None))]
+    #[pyo3(signature = (system, scene=None, n=1, solver=PathBuf::from("articulated"), device="cpu", seed=0, xp=None, vary=false))]
     #[allow(clippy::too_many_arguments)]
     fn new(
         py: Python<'_>,
         system: Named,
         scene: Option<&str>,
-        n: usize,
+        n: i64,
         solver: PathBuf,
         device: &str,
-        seed: u64,
+        seed: i64,
         xp: Option<Py<PyAny>>,
+        vary: bool,
     ) -> PyResult<Self> {
         let named = system.read()?;
         let system = named.system.clone();
@@ -110,9 +128,17 @@ impl Simulation {
             _ => {}
         }
         // Twice the states, forces, and what a solver keeps of one.
-        room(n, 32 * system.robot.state_dim() + 24 * system.robot.contact_points.len() + 1024)?;
-        let scene = system.scene(scene.unwrap_or(named.data_scene())).map_err(value)?;
-        let batch = Batch::new(&system, &scene, n);
+        let n = room(n, 32 * system.robot.state_dim() + 24 * system.robot.contact_points.len() + 1024)?;
+        let (scene, seed) = (scene.unwrap_or(named.data_scene()), seeded(seed)?);
+        let batch = match (vary, system.spec.vary.is_some()) {
+            (true, false) => return Err(value(format!("vary: nothing of `{}` is drawn; give its TOML a [vary]", system.name))),
+            (true, true) => vary::batch(&system, scene, n, !seed),
+            (false, _) => system.scene(scene).map(|scene| Batch::new(&system, &scene, n)),
+        };
+        let batch = batch.map_err(value)?;
+        if !vary {
+            alike(&system, "vary=True")?;
+        }
         let simulation = nerd_sim::prelude::Simulation { batch, solver: choice.solver(&system, n)? };
         let states = simulation.batch.states.as_ptr() as usize;
         let inner = Inner { simulation, drawn: vec![0; n], faults: Vec::new() };
@@ -187,13 +213,21 @@ impl Simulation {
     #[pyo3(signature = (mask=None, states=None))]
     fn reset(&self, py: Python<'_>, mask: Option<&Bound<'_, PyAny>>, states: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         let (n, [_, width]) = (self.n, self.widths());
-        let mask = mask.map(|mask| numbers::<bool>("mask", mask, &[&[n]])).transpose()?;
+        let mask = mask.map(|mask| numbers::<bool>("mask (states go by name: states=)", mask, &[&[n]])).transpose()?;
         let states = states.map(|states| numbers::<f64>("states", states, &[&[n, width], &[width]])).transpose()?;
+        let begun = || (0..n).filter(|env| mask.as_ref().is_none_or(|mask| mask[*env]));
+        let at = |env: usize, of: &[f64]| if of.len() == width { 0 } else { env * width };
+        if self.system.robot.floating()
+            && let Some(states) = &states
+            && let Some(env) = begun().find(|env| states[at(*env, states) + 3..][..4] == [0.0; 4])
+        {
+            let line = "its quaternion (columns 3 to 6) has length 0; system.default_state has one";
+            return Err(value(format!("states: environment {env}: {line}")));
+        }
         let done = self.with(py, |Inner { simulation, drawn, .. }| -> Result<(), StepError> {
-            let begun = || (0..n).filter(|env| mask.as_ref().is_none_or(|mask| mask[*env]));
             for env in begun() {
                 match &states {
-                    Some(states) => simulation.reset(env, &states[if states.len() == width { 0 } else { env * width }..][..width]),
+                    Some(states) => simulation.reset(env, &states[at(env, states)..][..width]),
                     None => {
                         let mut draws = stream(self.seed, (env as u64) << 32 | drawn[env]);
                         drawn[env] += 1;
@@ -239,22 +273,46 @@ impl Simulation {
         made(py, forces?.map_err(value)?.concat(), &[self.n, 3])
     }
 
+    /// drive(targets, kp=None, kd=None): from now on `kp (target - q) - kd qd` acts at every joint beside a step's torques, in each of the
+    /// solver's substeps, so stiff gains stay stable, and within the joints' efforts. Each float64 [n, joints], [joints], or a number.
+    /// Without gains those of the robot's TOML, or else such as hold its weight. drive(None) ends it.
+    #[pyo3(signature = (targets, kp=None, kd=None))]
+    fn drive(
+        &self,
+        py: Python<'_>,
+        targets: Option<&Bound<'_, PyAny>>,
+        kp: Option<&Bound<'_, PyAny>>,
+        kd: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<()> {
+        let (n, [joints, _], system) = (self.n, self.widths(), &self.system);
+        if kp.is_some() != kd.is_some() {
+            return Err(value("kp, kd: give both of the gains, or neither"));
+        }
+        let given = |what, given: Option<&Bound<'_, PyAny>>| {
+            let read = |given: &Bound<'_, PyAny>| match given.extract::<f64>() {
+                Ok(number) if given.cast::<PyUntypedArray>().is_err() => Ok(vec![number]),
+                _ => numbers::<f64>(what, given, &[&[n, joints], &[joints]]),
+            };
+            given.map(read).transpose()
+        };
+        let [targets, kp, kd] = [given("targets", targets)?, given("kp", kp)?, given("kd", kd)?];
+        let mut usual = specified(system);
+        if usual.is_empty() {
+            usual = holding(system, &system.default_state());
+        }
+        let one = |k: usize| {
+            let (usual, at) = (usual[k % joints], |all: &Option<Vec<f64>>| all.as_ref().map(|all| all[k % all.len()]));
+            let [kp, kd] = [at(&kp).unwrap_or(usual.kp), at(&kd).unwrap_or(usual.kd)];
+            Some(Drive { target: at(&targets)?, kp, kd, ..usual })
+        };
+        let mut drives = (0..n * joints).map_while(one).collect();
+        self.change(py, |simulation| std::mem::swap(&mut simulation.batch.drives, &mut drives))
+    }
+
     /// swap(solver): goes on with another solver from the same states, on the same device.
     fn swap(&self, py: Python<'_>, solver: PathBuf) -> PyResult<()> {
-        let solver = Choice { word: solver, device: self.device }.checked()?.solver(&self.system, self.n)?;
-        let done = self.with(py, |inner| -> Result<(), StepError> {
-            #[allow(unused_variables)]
-            let before = std::mem::replace(&mut inner.simulation.solver, solver);
-            #[cfg(feature = "cuda")]
-            if let Some(card) = &self.card
-                && let Err(why) = card.hold(&mut inner.simulation)
-            {
-                inner.simulation.solver = before;
-                return Err(why);
-            }
-            Ok(())
-        });
-        done?.map_err(step)
+        let mut solver = Choice { word: solver, device: self.device }.checked()?.solver(&self.system, self.n)?;
+        self.change(py, |simulation| std::mem::swap(&mut simulation.solver, &mut solver))
     }
 
     /// The robot.
@@ -280,6 +338,10 @@ impl Simulation {
     #[getter]
     fn faults(&self, py: Python<'_>) -> PyResult<Vec<(usize, u64, String)>> {
         self.with(py, |inner| inner.faults.iter().map(|f| (f.env, f.frame, f.reason.clone())).collect())
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Simulation({:?}, n={})", self.system.name, self.n)
     }
 
     fn __len__(&self) -> usize {

@@ -5,6 +5,8 @@ use std::sync::Arc;
 
 use nerd_model::pick::Setting;
 use nerd_sim::prelude::{Articulated, ArticulatedConfig, Solver, System, Truth};
+use nerd_sim::rig::Rig;
+use nerd_sim::vary::VarySpec;
 use nerd_train::{device::Device, ppo::Arena, shipped};
 use pyo3::PyResult;
 
@@ -71,14 +73,24 @@ impl Choice {
             use nerd_train::learner::cuda::Precision;
             return Ok(nerd_train::device::resident(&setting, system, Real::F32, Precision::F16).map_err(value)?);
         }
-        setting.solver(system).map_err(value)
+        let solver = setting.solver(system).map_err(value)?;
+        let motors = system.spec.vary.as_ref().is_some_and(VarySpec::rigged);
+        Ok(if motors { Box::new(Rig::new(solver)) } else { solver })
     }
 
-    /// What a task's episodes run on.
+    /// What a task's episodes run on, of a family where one is named.
     ///
     /// # Errors
     /// As [`Self::solver`].
-    pub fn arena(&self, task: &str, robot: &str) -> PyResult<Arena> {
+    pub fn arena(&self, task: &str, robot: &str, family: Option<&str>) -> PyResult<Arena> {
+        if let Some(family) = family {
+            let truth = match self.word.to_str() {
+                Some("articulated") => Truth::Articulated,
+                Some("rapier") => Truth::Rapier,
+                _ => return Err(value("family: robots that differ are stepped by \"articulated\" or \"rapier\"")),
+            };
+            return Arena::family(task, family, truth, self.device).map_err(value);
+        }
         Ok(match self.word.to_str() {
             #[cfg(feature = "cuda")]
             Some("articulated") if self.device.is_cuda() => Arena::Card(Setting::Accurate),
@@ -100,9 +112,8 @@ impl Choice {
 }
 
 fn found(folder: PathBuf, robot: &str) -> PyResult<PathBuf> {
-    if folder.exists() {
+    if folder.join("config.json").exists() {
         return Ok(folder);
     }
-    let folder = folder.display();
-    Err(value(format!("no model of `{robot}` at {folder}: work in the project's folder, whose models/ are meant, or name a model's own")))
+    Err(value(format!("no model of `{robot}` in models/ of a project around this folder: train one and name its folder")))
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use pyo3::prelude::*;
 
+use crate::arrays::{Floats, made};
 use crate::error::value;
 
 /// A robot with what its file does not say: frame time, gravity, materials, starts, scenes.
@@ -67,10 +68,46 @@ impl System {
         self.system.robot.nv()
     }
 
-    /// Names of the joints that are driven, in the order of torques.
+    /// Names of all joints, driven or not, in the order of torques.
     #[getter]
     fn joints(&self) -> Vec<&str> {
         self.system.robot.joints().map(|joint| joint.name.as_str()).collect()
+    }
+
+    /// Largest effort of each joint (N m or N), infinite where its file gives none: kept by drives, not by torques that are given.
+    #[getter]
+    fn efforts<'py>(&self, py: Python<'py>) -> PyResult<Floats<'py>> {
+        let efforts: Vec<f64> = self.system.robot.joints().map(|joint| joint.effort).collect();
+        let joints = efforts.len();
+        made(py, efforts, &[joints])
+    }
+
+    /// Lower and upper limit of each joint (rad or m), float64 [joints, 2], infinite where there is none.
+    #[getter]
+    fn limits<'py>(&self, py: Python<'py>) -> PyResult<Floats<'py>> {
+        let free = [-f64::INFINITY, f64::INFINITY];
+        let limits: Vec<_> = self.system.robot.joints().map(|joint| joint.limit.map_or(free, |l| [l.lower, l.upper])).collect();
+        made(py, limits.concat(), &[limits.len(), 2])
+    }
+
+    /// Mass of all moving links (kg).
+    #[getter]
+    fn mass(&self) -> f64 {
+        self.system.robot.mass()
+    }
+
+    /// Gravity (m/s^2), by axis of the world: up is against it.
+    #[getter]
+    fn gravity(&self) -> [f64; 3] {
+        self.system.spec.gravity
+    }
+
+    /// Its default state [q, qd], at rest.
+    #[getter]
+    fn default_state<'py>(&self, py: Python<'py>) -> PyResult<Floats<'py>> {
+        let state = self.system.default_state();
+        let width = state.len();
+        made(py, state, &[width])
     }
 
     /// Names of the moving links.
@@ -91,10 +128,10 @@ impl System {
         self.system.spec.state_columns.iter().map(String::as_str).collect()
     }
 
-    /// Names of its own scenes.
+    /// Names of its scenes.
     #[getter]
     fn scenes(&self) -> Vec<&str> {
-        self.system.scene_names()
+        self.system.all_scenes()
     }
 
     /// Name of the scene that a simulation has where none is named: the one of the robot's data, or free space.
@@ -125,6 +162,14 @@ pub enum Named {
 }
 
 impl Named {
+    /// What it is read by.
+    pub fn source(&self) -> String {
+        match self {
+            Self::System(system) => system.source.clone(),
+            Self::Name(name) => name.display().to_string(),
+        }
+    }
+
     /// The system.
     pub fn read(self) -> PyResult<System> {
         match self {

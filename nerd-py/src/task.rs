@@ -8,25 +8,25 @@ use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 
 use crate::arrays::{Floats, made, numbers};
-use crate::error::{room, step, value};
+use crate::error::{alike, room, seeded, step, value};
 use crate::solver::Choice;
-use crate::system::System;
+use crate::system::{Named, System};
 use crate::threads;
 
-/// Rewards, terminated, truncated, observations reached, misses.
-type Stepped<'py> = (Floats<'py>, Bound<'py, PyArrayDyn<bool>>, Bound<'py, PyArrayDyn<bool>>, Floats<'py>, Floats<'py>);
+/// Rewards, terminated, truncated, observations reached, misses, faults.
+type Stepped<'py> = (Floats<'py>, Bools<'py>, Bools<'py>, Floats<'py>, Floats<'py>, Bools<'py>);
+type Bools<'py> = Bound<'py, PyArrayDyn<bool>>;
 
 /// Episodes of a task in n environments, below nerd.make_vec and gymnasium.make.
 ///
-/// Task(name, robot=None, n=1, solver="articulated", device="cpu", seed=0)
+/// Task(name, robot=None, n=1, solver="articulated", device="cpu", seed=0, family=None)
 ///
-/// name: a built-in task or the path of a task's .toml; robot: of a task for any robot, a name or a path. seed: what episode k of
-/// environment i draws depends on it, i and k alone, here and on the command line.
+/// name: a built-in task or the path of a task's .toml; robot: of a task for any robot, a System, a name or a path. seed: what episode k
+/// of environment i draws depends on it, i and k alone, here and on the command line. family: a robot with [vary], of which each
+/// environment draws its own.
 #[pyclass(frozen, module = "nerd")]
 pub struct Task {
-    about: nerd_tasks::About,
-    name: String,
-    system: System,
+    read: Read,
     n: usize,
     inner: Mutex<Episodes>,
 }
@@ -36,25 +36,39 @@ pub struct Read {
     pub about: nerd_tasks::About,
     pub name: String,
     pub system: System,
+    pub family: Option<String>,
 }
 
 /// A task by its name or path, and its episodes in n environments.
 ///
 /// # Errors
 /// If there is no such task, robot or solver, or not as much memory.
-pub fn read(name: PathBuf, robot: Option<PathBuf>, n: usize, solver: PathBuf, device: &str, seed: u64) -> PyResult<(Read, Episodes)> {
-    let robot = robot.map(|robot| format!("@{}", robot.display())).unwrap_or_default();
+pub fn read(
+    name: PathBuf,
+    robot: Option<Named>,
+    n: i64,
+    solver: PathBuf,
+    device: &str,
+    seed: i64,
+    family: Option<Named>,
+) -> PyResult<(Read, Episodes)> {
+    let robot = robot.map(|robot| format!("@{}", robot.source())).unwrap_or_default();
     let name = format!("{}{robot}", name.display());
-    let task = nerd_tasks::named(&name).map_err(value)?;
+    let task = nerd_tasks::named(&name).map_err(|e| value(e.to_string().replace("--robot", "robot=")))?;
     task.about().check().map_err(value)?;
     let system = System::of(task.robot().as_ref(), task.system().map_err(value)?);
-    room(n, 64 * (system.system.robot.state_dim() + task.observation_dim()) + 1024)?;
-    let (about, arena) = (task.about(), Choice::new(solver, device)?.arena(&name, task.robot())?);
+    let n = room(n, 64 * (system.system.robot.state_dim() + task.observation_dim()) + 1024)?;
+    if family.is_none() {
+        alike(&system.system, "family=")?;
+    }
+    let family = family.map(|family| family.source());
+    let arena = Choice::new(solver, device)?.arena(&name, task.robot(), family.as_deref())?;
     threads::here(n)?;
-    let mut episodes = arena.part(task, 0..n, seed).map_err(value)?;
+    let about = task.about();
+    let mut episodes = arena.part(task, 0..n, seeded(seed)?).map_err(value)?;
     // Nobody goes on with these from a file.
     episodes.remember(0);
-    Ok((Read { about, name, system }, episodes))
+    Ok((Read { about, name, system, family }, episodes))
 }
 
 impl Task {
@@ -71,27 +85,49 @@ impl Task {
 #[pymethods]
 impl Task {
     #[new]
-    #[pyo3(signature = (name, robot=None, n=1, solver=PathBuf::from("articulated"), device="cpu", seed=0))]
-    fn new(name: PathBuf, robot: Option<PathBuf>, n: usize, solver: PathBuf, device: &str, seed: u64) -> PyResult<Self> {
-        let (Read { about, name, system }, episodes) = read(name, robot, n, solver, device, seed)?;
-        Ok(Self { about, name, system, n, inner: Mutex::new(episodes) })
+    #[pyo3(signature = (name, robot=None, n=1, solver=PathBuf::from("articulated"), device="cpu", seed=0, family=None))]
+    fn new(name: PathBuf, robot: Option<Named>, n: i64, solver: PathBuf, device: &str, seed: i64, family: Option<Named>) -> PyResult<Self> {
+        let (read, episodes) = read(name, robot, n, solver, device, seed, family)?;
+        Ok(Self { read, n: episodes.len(), inner: Mutex::new(episodes) })
     }
 
     /// step(actions): float64 [n, action], clamped to [-1, 1]. Rewards [n], terminated [n], truncated [n], observations [n,
     /// observation] of the states reached, and [n] by how much each missed what is asked for, in units of what may be missed (NaN
-    /// of a task that does not speak of success). Ended episodes have restarted: observations() are those of the new ones.
+    /// of a task that does not speak of success), and [n] whether the solver could not go on. Ended episodes have restarted:
+    /// observations() are those of the new ones.
     fn step<'py>(&self, py: Python<'py>, actions: &Bound<'py, PyAny>) -> PyResult<Stepped<'py>> {
-        let actions = numbers::<f64>("actions", actions, &[&[self.n, self.about.action]])?;
-        let StepResult { rewards, terminated, truncated, reached, misses, .. } = self.with(py, |all| all.step(&actions))?.map_err(step)?;
+        let actions = numbers::<f64>("actions", actions, &[&[self.n, self.read.about.action]])?;
+        if let Some(at) = actions.iter().position(|x| x.is_nan()) {
+            return Err(value(format!("actions: environment {} has NaN; each is from -1 to 1", at / self.read.about.action)));
+        }
+        let StepResult { rewards, terminated, truncated, reached, misses, failed, .. } =
+            self.with(py, |all| all.step(&actions))?.map_err(step)?;
         let misses = misses.into_iter().map(|miss| miss.unwrap_or(f64::NAN)).collect();
         let n = &[self.n];
-        let reached = made(py, reached, &[self.n, self.about.observation])?;
-        Ok((made(py, rewards, n)?, made(py, terminated, n)?, made(py, truncated, n)?, reached, made(py, misses, n)?))
+        let reached = made(py, reached, &[self.n, self.read.about.observation])?;
+        let [terminated, truncated, failed] = [made(py, terminated, n)?, made(py, truncated, n)?, made(py, failed, n)?];
+        Ok((made(py, rewards, n)?, terminated, truncated, reached, made(py, misses, n)?, failed))
     }
 
     /// Observations of the present states, float64 [n, observation].
     fn observations<'py>(&self, py: Python<'py>) -> PyResult<Floats<'py>> {
-        made(py, self.with(py, |all| all.observations().to_vec())?, &[self.n, self.about.observation])
+        made(py, self.with(py, |all| all.observations().to_vec())?, &[self.n, self.read.about.observation])
+    }
+
+    /// A copy of the present states [q, qd], float64 [n, nq + nv].
+    #[getter]
+    fn states<'py>(&self, py: Python<'py>) -> PyResult<Floats<'py>> {
+        let states = self.with(py, |all| all.simulation.batch.states.clone())?;
+        made(py, states, &[self.n, self.read.system.system.robot.state_dim()])
+    }
+
+    /// swap(solver, device="cpu"): goes on with another solver from the same states.
+    #[pyo3(signature = (solver, device="cpu"))]
+    fn swap(&self, py: Python<'_>, solver: PathBuf, device: &str) -> PyResult<()> {
+        let task = nerd_tasks::named(&self.read.name).map_err(value)?;
+        let arena = Choice::new(solver, device)?.arena(&self.read.name, task.robot(), self.read.family.as_deref())?;
+        let solver = arena.part(task, 0..self.n, 0).map_err(value)?.simulation.solver;
+        self.with(py, |all| all.simulation.solver = solver)
     }
 
     /// reset(seed): the first episodes of a seed.
@@ -116,13 +152,13 @@ impl Task {
     /// What it was called by.
     #[getter]
     fn name(&self) -> &str {
-        &self.name
+        &self.read.name
     }
 
     /// The robot.
     #[getter]
     fn system(&self) -> System {
-        self.system.clone()
+        self.read.system.clone()
     }
 
     /// Environments.
@@ -134,25 +170,25 @@ impl Task {
     /// Numbers of an observation.
     #[getter]
     fn observation(&self) -> usize {
-        self.about.observation
+        self.read.about.observation
     }
 
     /// Numbers of an action, each from -1 to 1.
     #[getter]
     fn action(&self) -> usize {
-        self.about.action
+        self.read.about.action
     }
 
     /// Steps after which an episode is truncated.
     #[getter]
     fn steps(&self) -> u64 {
-        self.about.steps
+        self.read.about.steps
     }
 
     /// Frames of a step.
     #[getter]
     fn frames(&self) -> u64 {
-        self.about.frames
+        self.read.about.frames
     }
 
     /// Names of the tasks that have a robot.

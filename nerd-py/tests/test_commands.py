@@ -31,17 +31,19 @@ def test_models_and_policies_say_what_they_are(models):
     policy = nerd.Policy(models / "policies/ant-run-articulated-0")
     rows = np.zeros((3, policy.inputs))
     actions = policy(rows)
-    assert policy.task == "ant-run" and actions.shape == (3, 8) and (actions == actions[0]).all()
+    assert policy.task == "ant-run" and actions.shape == (3, 8) and (actions == actions[0]).all() and (policy(rows[0]) == actions[0]).all()
     with pytest.raises(ValueError):
         policy(np.zeros((3, 1)))
 
 
 def test_a_model_is_trained_evaluated_and_used(tmp_path):
     small = {"recipe": "quick", "transitions": 2000, "updates": 20, "rollouts": 0, "validation_windows": 64}
-    model = nerd.train("pendulum", tmp_path / "run", **small)
+    with pytest.raises(RuntimeError, match="^stopped at update"):
+        nerd.train("pendulum", tmp_path / "run", minutes=0.001, **small | {"updates": 10**6})
+    model = nerd.train("pendulum", tmp_path / "done", **small)
     assert model.robot == "pendulum"
-    assert "python -m nerd train --robot pendulum" in (tmp_path / "run/model/config.json").read_text(encoding="utf-8")
-    tables = nerd.evaluate("pendulum", solver="neural", model=model, starts=4, frames=5, scene="free")
+    assert "python -m nerd train --robot pendulum" in (tmp_path / "done/model/config.json").read_text(encoding="utf-8")
+    tables = nerd.evaluate("pendulum", solver=model, starts=4, frames=5, scene="free")
     assert tables and all(isinstance(rows, list) for rows in tables.values())
     simulation = nerd.Simulation("pendulum", n=3, solver=model)
     simulation.step(np.zeros((3, 2)))

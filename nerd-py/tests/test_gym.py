@@ -162,6 +162,59 @@ def test_episodes_are_those_of_the_command_line_to_the_bit(task, mode, models, t
     assert row["real"]["mean"] == sum(sums.tolist()) / n and row["real"]["length"] == sum(steps.tolist()) / n
 
 
+def test_an_environment_shows_its_robot_and_takes_another_solver():
+    env = nerd.make_vec("ant-run", n=2)
+    env.reset(seed=5)
+    before = env.states
+    env.swap("rapier")
+    assert env.system.name == "ant" and (env.states == before).all() and before.shape == (2, 29)
+    twin = nerd.make_vec("ant-run", n=2, solver="rapier")
+    twin.reset(seed=5)
+    assert (env.step(np.ones((2, 8)))[0] == twin.step(np.ones((2, 8)))[0]).all()
+    assert env.task.name == "ant-run"
+
+
+def test_an_episode_that_ended_asks_for_a_reset():
+    env = gymnasium.make("nerd/FrankaReach-v0").unwrapped
+    env.reset(seed=0)
+    for _ in range(env.task.steps):
+        truncated = env.step(np.zeros(env.task.action))[3]
+    assert truncated
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        env.step(np.zeros(env.task.action))
+    env.reset()
+    env.step(np.zeros(env.task.action))
+
+
+def test_stable_baselines_learns_on_them():
+    sb3 = pytest.importorskip("stable_baselines3")
+    from nerd.sb3 import VecEnv
+
+    from stable_baselines3.common.env_util import make_vec_env
+
+    env, twin = VecEnv("franka-reach", n=3), nerd.make_vec("franka-reach", n=3, autoreset_mode=AutoresetMode.SAME_STEP)
+    env.seed(3)
+    assert (env.reset() == np.float32(twin.reset(seed=3)[0])).all()
+    draw = actions(twin)
+    for _ in range(twin.task.steps):
+        action = next(draw)
+        (observations, rewards, ended, infos), (wanted, sums, _, _, of) = env.step(action), twin.step(action)
+        assert (observations == np.float32(wanted)).all() and (rewards == np.float32(sums)).all()
+    assert ended.all() and all(info["TimeLimit.truncated"] for info in infos)
+    assert (infos[1]["terminal_observation"] == np.float32(of["final_obs"][1])).all()
+    for learned in (env, make_vec_env("nerd/CartpoleSwingup-v0", n_envs=2)):
+        sb3.PPO("MlpPolicy", learned, n_steps=16, batch_size=16, device="cpu").learn(64)
+
+
+def test_environments_of_a_family_differ():
+    one, two = (nerd.make_vec("nerd/AntRun-v0", robot=nerd.System("ant"), n=2, family=family) for family in (None, "ant-family"))
+    for env in (one, two):
+        env.reset(seed=1)
+    assert (one.states == two.states).all()
+    action = np.ones((2, 8))
+    assert (one.step(action)[0] != two.step(action)[0]).any(axis=1).all()
+
+
 def test_gymnasiums_own_vector_takes_them():
     env = SyncVectorEnv([lambda: gymnasium.make("nerd/CartpoleSwingup-v0")] * 2)
     assert np.isfinite(rolled(env, 5)[-1][0]).all()
@@ -172,6 +225,8 @@ def test_what_is_wrong_is_refused():
         nerd.make_vec("ant-fly")
     with pytest.raises(ValueError):
         nerd.make_vec("walk")
+    with pytest.raises(ValueError, match="no model of `nerd-sim/assets/ant.urdf`.*train one"):
+        nerd.make_vec("walk", robot="nerd-sim/assets/ant.urdf", solver="neural")
     with pytest.raises(ValueError, match="n=0"):
         nerd.make_vec("ant-run", n=0)
     for options in ({"device": "cuda"}, {"xp": np}, {"device": "tpu", "xp": np}):
@@ -188,5 +243,11 @@ def test_what_is_wrong_is_refused():
     env.reset(seed=0)
     with pytest.raises(ValueError, match="actions"):
         env.step(np.zeros((3, 8)))
+    with pytest.raises(ValueError, match="environment 1 has NaN"):
+        env.step(np.where(np.arange(2) == 1, np.nan, np.zeros((8, 2))).T.copy())
+    with pytest.raises(ValueError, match="is for `cartpole`"):
+        nerd.make_vec("cartpole-swingup", robot="pendulum")
+    with pytest.raises(NotImplementedError, match="policy show"):
+        env.render()
     with pytest.raises(ValueError, match="reset_mask"):
         env.reset(options={"reset_mask": [True, False]})

@@ -1,5 +1,7 @@
 """Simulations: arrays without copies, names, refusals in one line, threads."""
 
+import copy
+import pickle
 import sys
 import threading
 import time
@@ -28,7 +30,10 @@ def test_a_system_says_what_its_numbers_are():
     ant = nerd.System("ant")
     assert (ant.nq, ant.nv, len(ant.joints)) == (15, 14, 8)
     assert len(ant.columns) == ant.nq + ant.nv and ant.columns[:3] == ["px", "py", "pz"]
-    assert "ground" in ant.scenes and "torso" in ant.links and ant.frame_time > 0
+    assert {"ground", "plane", "hills"} < set(ant.scenes) and ant.gravity[1] < 0 and ant.mass > 0
+    assert all(nerd.Simulation(ant, scene=scene).n for scene in ant.scenes)
+    assert ant.limits.shape == (8, 2) and ant.default_state.shape == (29,) and ant.efforts.shape == (8,)
+    assert "torso" in ant.links and ant.frame_time > 0
     assert ant.source == "ant" and "nq=15" in repr(ant)
 
 
@@ -102,6 +107,58 @@ def test_a_swapped_solver_goes_on_from_the_same_state(models):
     assert 0 < apart < 0.1 and simulation.states.ctypes.data == address, apart
 
 
+def test_stiff_drives_hold_where_a_law_once_a_frame_flies():
+    def swung(law):
+        simulation = nerd.Simulation("pendulum", n=3)
+        simulation.reset(states=np.zeros(4))
+        for _ in range(60):
+            law(simulation)
+        return np.abs(simulation.states[:, :2] - 0.5).max()
+
+    def driven_(simulation):
+        simulation.drive(0.5, 1e6, np.full(2, 1e4))
+        simulation.step(np.zeros((3, 2)))
+
+    def by_torques(simulation):
+        q, qd = np.split(simulation.states, 2, axis=1)
+        simulation.step(1e6 * (0.5 - q) - 1e4 * qd)
+
+    assert swung(driven_) < 1e-3
+    with pytest.raises(RuntimeError):
+        swung(by_torques)
+    ant = nerd.Simulation("ant", n=2)
+    ant.drive(ant.system.default_state[7:15])
+    free = nerd.Simulation("ant", n=2)
+    for simulation in (ant, free):
+        simulation.reset(states=ant.system.default_state)
+        simulation.step(np.zeros((2, 8)))
+    assert (ant.states != free.states).any()
+    ant.drive(None)
+    ant.reset(states=ant.system.default_state)
+    ant.step(np.zeros((2, 8)))
+    assert (ant.states == free.states).all(), "no drive any more"
+
+
+def test_a_family_has_a_robot_for_each_environment():
+    with pytest.warns(UserWarning, match="vary=True"):
+        alike = nerd.Simulation("ant-family", n=4)
+    family, again = (nerd.Simulation("ant-family", n=4, vary=True) for _ in range(2))
+    for simulation in (alike, family, again):
+        simulation.reset(states=simulation.system.default_state)
+        simulation.step(np.ones((4, 8)))
+    assert (alike.states == alike.states[0]).all() and (family.states == again.states).all()
+    assert len(np.unique(family.states, axis=0)) == 4, "no two are alike"
+
+
+def test_what_is_read_from_files_is_copied_as_its_name(models):
+    for one, of in (
+        (nerd.System("ant"), lambda system: system.columns),
+        (nerd.Model(models / "ant"), lambda model: model.sha256),
+        (nerd.Policy(models / "policies/ant-run-articulated-0"), lambda policy: policy(np.ones(policy.inputs)).tolist()),
+    ):
+        assert of(pickle.loads(pickle.dumps(one))) == of(copy.deepcopy(one)) == of(one)
+
+
 def test_contact_carries_the_weight():
     cube = nerd.Simulation("cube", scene="ground", n=3)
     with pytest.raises(ValueError):
@@ -139,6 +196,8 @@ def test_poses_and_velocities_fit_each_other():
         (lambda s: s.reset(np.ones(4)), TypeError, "bool"),
         (lambda s: s.reset(np.ones(3, bool)), ValueError, "[4]"),
         (lambda s: s.reset(None, np.zeros((4, 28))), ValueError, "[4, 29]"),
+        (lambda s: s.drive(0.0, 1.0), ValueError, "both"),
+        (lambda s: s.drive(np.zeros(7)), ValueError, "[4, 8] or [8]"),
         (lambda s: s.poses("nose"), ValueError, "nose"),
         (lambda s: s.contact_forces("nose"), ValueError, "nose"),
         (lambda s: s.swap("newton"), ValueError, "articulated"),
@@ -150,7 +209,11 @@ def test_poses_and_velocities_fit_each_other():
         (lambda s: nerd.Simulation("ant", scene="moon"), ValueError, "moon"),
         (lambda s: nerd.Simulation("ant", n=0), ValueError, "n=0"),
         (lambda s: nerd.Simulation("ant", n=10**9), ValueError, "n=1000000000"),
-        (lambda s: nerd.Simulation("ant", n=-1), OverflowError, ""),
+        (lambda s: nerd.Simulation("ant", n=-1), ValueError, "n=-1"),
+        (lambda s: nerd.Simulation("ant", seed=-1), ValueError, "seed=-1"),
+        (lambda s: nerd.Simulation("ant", vary=True), ValueError, "[vary]"),
+        (lambda s: s.reset(states=np.zeros(29)), ValueError, "quaternion"),
+        (lambda s: s.reset(np.zeros((4, 29))), TypeError, "states="),
         (lambda s: nerd.Simulation("ant", device="cuda:9"), ValueError, "cuda"),
         (lambda s: nerd.Simulation("ant", device=0), TypeError, ""),
         (lambda s: nerd.Model("."), ValueError, "config.json"),

@@ -90,6 +90,9 @@ def test_gradcheck_of_pytorch_in_sustained_contact():
     torch = pytest.importorskip("torch")
     import nerd.torch
 
+    for wrong in (np.zeros((1, 4)), torch.zeros(1, 4)):
+        with pytest.raises(TypeError, match="^states: a .*tensor .*is needed"):
+            nerd.torch.step(nerd.Simulation("pendulum"), wrong, wrong)
     for robot in ("pendulum", "ant", "anymal"):
         simulation, tau = settled(robot, n=2)
         given = [torch.tensor(numbers, requires_grad=True) for numbers in (simulation.states.copy(), tau)]

@@ -140,7 +140,7 @@ impl Episodes {
         let d = self.simulation.batch.system.robot.state_dim();
         let states = self.simulation.batch.states.par_chunks_exact(d).with_min_len(CHUNK);
         failed.par_iter_mut().zip(states).for_each(|(failed, state)| *failed |= state.iter().any(|x| x.abs() > FAR));
-        let mut result = StepResult { failed: failed.iter().filter(|f| **f).count(), ..Default::default() };
+        let mut result = StepResult::default();
         (0..n).filter(|env| failed[*env]).try_for_each(|env| self.restart(env))?;
         self.judge(&failed, &mut result);
         self.finite("reward", &result.rewards)?;
@@ -152,6 +152,7 @@ impl Episodes {
             trace.reached.extend(states.flat_map(|(state, failed)| state.iter().map(|x| if *failed { f64::NAN } else { *x })));
         }
         result.reached = self.observations.par_iter().with_min_len(MOVED).copied().collect();
+        result.failed = failed;
         let ended = |env: usize| result.terminated[env] || result.truncated[env];
         (0..n).filter(|env| ended(*env)).try_for_each(|env| self.restart(env))?;
         self.observe(ended);

@@ -45,20 +45,27 @@ pub fn word(name: &str) -> String {
     name.split('@').map(stem).collect::<Vec<_>>().join("-")
 }
 
-/// A task by name, or by the path of its file (.toml); with `@` and a robot behind it, for that robot. Its own name is what it was called by.
+/// A task by name, or by the path of its file (.toml); with `@` and a robot behind it, for that robot, unless the task is built in for another. Its own name is what it was called by.
 ///
 /// # Errors
 /// If there is none of that name, or its file or its robot is wrong.
 pub fn named(name: &str) -> Result<Box<dyn Task>, TaskError> {
     let (task, robot) = name.split_once('@').map_or((name, None), |(task, robot)| (task, Some(robot)));
-    if task == LeadTip.name() && robot.is_none() {
-        return Ok(Box::new(LeadTip));
-    }
-    if let Some((_, text)) = OWN.iter().chain(&GENERAL).find(|(own, _)| *own == task) {
+    if let Some((_, text)) = GENERAL.iter().find(|(own, _)| *own == task) {
         return Ok(Box::new(FileTask::new(name, text, robot)?));
     }
+    let own: Option<Box<dyn Task>> = match OWN.iter().find(|(own, _)| *own == task) {
+        Some((_, text)) => Some(Box::new(FileTask::new(name, text, None)?)),
+        None => (task == LeadTip.name()).then(|| Box::new(LeadTip) as Box<dyn Task>),
+    };
+    if let Some(own) = own {
+        return match robot.filter(|robot| *robot != own.robot()) {
+            Some(_) => Err(TaskError::Other(task.into(), own.robot(), general().join(", "))),
+            None => Ok(own),
+        };
+    }
     if Path::new(task).extension().is_none_or(|ending| ending != "toml") {
-        return Err(TaskError::Unknown(name.into(), names().into_iter().chain(general()).collect::<Vec<_>>().join(", ")));
+        return Err(TaskError::Unknown(task.into(), names().into_iter().chain(general()).collect::<Vec<_>>().join(", ")));
     }
     let text = read_text(Path::new(task)).map_err(|e| TaskError::File(task.into(), e.to_string()))?;
     Ok(Box::new(FileTask::new(name, &text, robot)?))

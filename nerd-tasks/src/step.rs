@@ -23,7 +23,7 @@ pub struct StepResult {
     /// [`crate::Task::miss`] of the states reached; none of one that the solver could not go on with.
     pub misses: Vec<Option<f64>>,
     /// Episodes that the solver could not go on with (a state not finite, or beyond 1e5): terminated, with reward 0.
-    pub failed: usize,
+    pub failed: Vec<bool>,
 }
 
 /// What an environment, by its number among all, draws from in its present episode, as many of which have begun.

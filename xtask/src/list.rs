@@ -3,8 +3,8 @@
 use anyhow::Result;
 use nerd_lab::report::{Table, digits};
 use nerd_model::folder::ModelConfig;
+use nerd_sim::prelude::*;
 use nerd_sim::suite::{Row, Suite};
-use nerd_sim::{prelude::*, scene::WORLDS};
 use nerd_tasks::{named, names};
 use nerd_train::shipped::{folders, from_root, root};
 
@@ -71,8 +71,7 @@ fn scenes(robot: Option<&str>) -> Result<Table> {
     let mut rows = Vec::new();
     for name in robots {
         let system = System::named(name)?;
-        let worlds = WORLDS.into_iter().filter(|_| !system.robot.contact_points.is_empty());
-        for scene in system.scene_names().into_iter().chain(worlds) {
+        for scene in system.all_scenes() {
             let (ground, friction) = ground(&system.scene(scene)?);
             rows.push(vec![system.name.clone(), scene.into(), ground, friction]);
         }

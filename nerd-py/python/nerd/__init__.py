@@ -8,6 +8,9 @@
     print(simulation.states[:, :3].mean(0))
 """
 
+import copyreg
+import os
+
 from ._nerd import Model, Policy, Simulation, System, Task, linearise, vjp
 from .commands import evaluate, record, run, train, train_policy
 
@@ -26,6 +29,11 @@ __all__ = [
     "train_policy",
     "vjp",
 ]
+
+# Copies are read from the same files.
+copyreg.pickle(System, lambda one: (System, (one.source,)))
+copyreg.pickle(Model, lambda one: (Model, (os.fspath(one),)))
+copyreg.pickle(Policy, lambda one: (Policy, (os.fspath(one),)))
 
 try:
     from .gym import make_vec, register

@@ -28,7 +28,21 @@ class System:
     def nv(self) -> int: ...
     @property
     def joints(self) -> list[str]:
-        """In the order of torques."""
+        """All joints, driven or not, in the order of torques."""
+    @property
+    def efforts(self) -> Floats:
+        """[joints] (N m or N), infinite where the file gives none; torques that are given are not clipped to them."""
+    @property
+    def limits(self) -> Floats:
+        """[joints, 2] (rad or m)."""
+    @property
+    def mass(self) -> float: ...
+    @property
+    def gravity(self) -> list[float]:
+        """(m/s^2), by axis of the world: up is against it."""
+    @property
+    def default_state(self) -> Floats:
+        """[nq + nv], at rest."""
     @property
     def links(self) -> list[str]: ...
     @property
@@ -55,11 +69,14 @@ class Simulation:
         device: str = "cpu",
         seed: int = 0,
         xp: ModuleType | None = None,
+        vary: bool = False,
     ) -> None: ...
     def step(self, tau: Floats | Any) -> None:
         """One frame under torques [n, joints] (N m or N)."""
     def reset(self, mask: Bools | None = None, states: Floats | None = None) -> None: ...
     def swap(self, solver: Name) -> None: ...
+    def drive(self, targets: Floats | float | None, kp: Floats | float | None = None, kd: Floats | float | None = None) -> None:
+        """From now on kp (target - q) - kd qd at every joint, in each substep and within its effort; None: no more."""
     def poses(self, name: str) -> Floats:
         """[n, 7]: position (m), quaternion x y z w."""
     def velocities(self, name: str) -> Floats:
@@ -84,14 +101,18 @@ class Task:
     def __init__(
         self,
         name: Name,
-        robot: Name | None = None,
+        robot: System | Name | None = None,
         n: int = 1,
         solver: Name = "articulated",
         device: str = "cpu",
         seed: int = 0,
+        family: System | Name | None = None,
     ) -> None: ...
-    def step(self, actions: Floats) -> tuple[Floats, Bools, Bools, Floats, Floats]: ...
+    def step(self, actions: Floats) -> tuple[Floats, Bools, Bools, Floats, Floats, Bools]: ...
     def observations(self) -> Floats: ...
+    @property
+    def states(self) -> Floats: ...
+    def swap(self, solver: Name, device: str = "cpu") -> None: ...
     def reset(self, seed: int) -> None: ...
     def begin(self, mask: Bools, numbers: NDArray[np.uint64]) -> None: ...
     @property
@@ -130,12 +151,15 @@ class Model(PathLike[str]):
     @property
     def reach(self) -> int: ...
 
-class Policy:
+class Policy(PathLike[str]):
     """A trained policy."""
     def __init__(self, path: Name) -> None: ...
+    def __fspath__(self) -> str: ...
     def __call__(self, rows: Floats) -> Floats:
-        """Mean actions [n, action] for rows [n, inputs]."""
-    def play(self, n: int, seed: int = 0, solver: Name = "articulated", device: str = "cpu") -> tuple[Floats, Floats]:
+        """Mean actions [n, action] for rows [n, inputs], [action] for one row [inputs]."""
+    def play(
+        self, n: int, seed: int = 0, solver: Name = "articulated", device: str = "cpu", family: System | Name | None = None
+    ) -> tuple[Floats, Floats]:
         """Rewards and lengths [n]."""
     @property
     def task(self) -> str: ...
@@ -146,18 +170,19 @@ def vjp(simulation: Simulation, states: Floats, tau: Floats, by_next: Floats | N
 def linearise(simulation: Simulation, tau: Floats) -> tuple[Floats, Floats]: ...
 def make_vec(
     task: Name,
-    robot: Name | None = None,
+    robot: System | Name | None = None,
     n: int = 1,
     *,
     solver: Name = "articulated",
     device: str = "cpu",
     autoreset_mode: AutoresetMode | str | None = None,
     xp: ModuleType | None = None,
+    family: System | Name | None = None,
 ) -> VectorEnv: ...
 def run(*verb: object, **options: object) -> Mapping[str, Any]: ...
-def train(robot: Name, out: Name, **options: object) -> Model: ...
+def train(robot: Name | None = None, out: Name | None = None, **options: object) -> Model: ...
 def train_policy(task: Name, out: Name, robot: Name | None = None, **options: object) -> Policy: ...
-def evaluate(robot: Name, **options: object) -> Mapping[str, Any]: ...
+def evaluate(robot: Name | None = None, **options: object) -> Mapping[str, Any]: ...
 def record(
     folder: Name,
     system: System | Name,

@@ -19,9 +19,9 @@ class CardVectorEnv(VectorEnv):
     Episodes are drawn as on the CPU, and computed in 32 bits.
     """
 
-    def __init__(self, num_envs=1, *, task, robot=None, solver="articulated", xp):
+    def __init__(self, num_envs=1, *, task, robot=None, solver="articulated", xp, family=None):
         self.metadata = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}
-        self._task, self._xp = CardTask(task, robot, num_envs, solver), xp
+        self._task, self._xp = CardTask(task, robot, num_envs, solver, family), xp
         self._arrays = self._task.arrays()
         self.num_envs = num_envs
         box = lambda most, width: gymnasium.spaces.Box(-most, most, (width,), np.float32)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -27,6 +28,11 @@ def run(*verb, **options):
 
     Raises ValueError with the one line that it was refused with.
     """
+    return _run(verb, options)[0]
+
+
+def _run(verb, options):
+    """Its tables, and what it told last."""
     words = [_word(word) for word in verb]
     for name, value in options.items():
         if value is None or value is False:
@@ -53,13 +59,28 @@ def run(*verb, **options):
         said = out.read()
     if process.returncode:
         refused = [line.removeprefix("error: ").strip() for line in told if line.startswith("error: ")]
-        raise ValueError(refused[-1] if refused else f"{' '.join(words)} ended with {process.returncode}: {''.join(told)}")
-    return json.loads(said) if said.strip() else {}
+        raise ValueError(_named(refused[-1]) if refused else f"{' '.join(words)} ended with {process.returncode}: {''.join(told)}")
+    if options.get("help"):
+        print(said)
+        return {}, told
+    return json.loads(said) if said.strip() else {}, told
 
 
-def train(robot, out, **options):
-    """Trains a model, or goes on with the run of a folder; see `python -m nerd train --help`. The model."""
-    run("train", robot=robot, out=out, **options)
+def _named(line):
+    """A line that speaks of options as they are called here."""
+    option = r"--(?!help)([a-z]+(?:-[a-z]+)*)(?: <[A-Z-]+>)?"
+    return re.sub(option, lambda found: found[1].replace("-", "_") + "=", line.replace("cargo xtask", "python -m nerd"))
+
+
+def train(robot=None, out=None, **options):
+    """Trains a model of a robot, or from `data=`, or goes on with the run of a folder; see `python -m nerd train --help`. The model.
+
+    Raises RuntimeError where `minutes=` were over before it was done: the same call goes on.
+    """
+    _, told = _run(["train"], {"robot": robot, "out": out, **options})
+    stopped = [line for line in told if line.startswith("stopped at update")]
+    if stopped:
+        raise RuntimeError(_named(stopped[-1].strip()))
     return Model(Path(out) / "model")
 
 
@@ -69,8 +90,10 @@ def train_policy(task, out, robot=None, **options):
     return Policy(Path(out) / "policy")
 
 
-def evaluate(robot, **options):
-    """How far a solver drifts from the truth; see `python -m nerd evaluate --help`. Tables, each a list of rows."""
+def evaluate(robot=None, **options):
+    """How far a solver, a Model too, drifts from the truth; see `python -m nerd evaluate --help`. Tables, each a list of rows."""
+    if isinstance(options.get("solver"), Model):
+        options["model"], options["solver"] = options["solver"], "neural"
     return run("evaluate", robot=robot, **options)
 
 
@@ -88,6 +111,8 @@ def record(folder, system, states, tau, scene=None, about="recorded"):
     states, tau = np.asarray(states, np.float64), np.asarray(tau, np.float64)
     if states.ndim != 3 or states.shape[2] != nq + nv or tau.shape != (*states.shape[:2], joints):
         raise ValueError(f"states {states.shape} and tau {tau.shape}: [trajectories, rows, {nq + nv}] and [.., .., {joints}] are needed")
+    if not (np.isfinite(states).all() and np.isfinite(tau[:, :-1]).all()):
+        raise ValueError("states and tau: all numbers are finite, but for the last torques of a trajectory")
     q, qd, free = states[..., :nq], states[..., nq:], nq - joints
     arrays = {"position": q[..., free:], "velocity": qd[..., nv - joints :], "torque": tau}
     lines = [f"about = {_text(about)}", 'file = "log.npz"', f"robot = {_text(system.source)}"]

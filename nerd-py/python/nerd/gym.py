@@ -8,13 +8,17 @@ from gymnasium.vector.utils import batch_space
 from ._nerd import Task
 
 
-def make_vec(task, robot=None, n=1, *, solver="articulated", device="cpu", autoreset_mode=None, xp=None):
+def make_vec(task, robot=None, n=1, *, solver="articulated", device="cpu", autoreset_mode=None, xp=None, family=None):
     """n environments of a task: "ant-run", or "walk" with robot="go2.xml", or the path of a task's .toml.
 
     solver: "articulated", "rapier", "neural" or the path of a model's folder. autoreset_mode: Gymnasium's, else that of the next step.
-    device="cuda" with xp=torch, or another library of arrays, keeps all of it on a card (nerd.card).
+    family: a robot whose TOML has [vary], of which each environment draws its own. device="cuda" with xp=torch, or another library of
+    arrays, keeps all of it on a card (nerd.card).
     """
-    return _vector(num_envs=n, task=task, robot=robot, solver=solver, device=device, autoreset_mode=autoreset_mode, xp=xp)
+    if str(task).startswith("nerd/"):
+        task = gymnasium.spec(task).kwargs["task"]
+    of = {"task": task, "robot": robot, "solver": solver, "family": family}
+    return _vector(num_envs=n, device=device, autoreset_mode=autoreset_mode, xp=xp, **of)
 
 
 def _vector(num_envs=1, *, device="cpu", autoreset_mode=None, xp=None, **of):
@@ -31,14 +35,40 @@ def _vector(num_envs=1, *, device="cpu", autoreset_mode=None, xp=None, **of):
     return CardVectorEnv(num_envs, xp=xp, **of)
 
 
+_RENDER = "render_mode: there is none; `python -m nerd policy show` writes an episode as a page"
+
+
 def _spaces(task):
     box = lambda most, width: gymnasium.spaces.Box(-most, most, (width,), np.float64)
     return box(np.inf, task.observation), box(1.0, task.action)
 
 
-class _Seeds:
-    """What a reset draws: with a seed its first episodes, which are those of the command line, else the next ones."""
+class _Tasks:
+    """What environments of a task have in common."""
 
+    @property
+    def task(self):
+        """The task: nerd.Task."""
+        return self._task
+
+    @property
+    def system(self):
+        """The robot: nerd.System."""
+        return self._task.system
+
+    @property
+    def states(self):
+        """A copy of the present states, [n, nq + nv]; of an ended episode that restarts in the same step the new one's."""
+        return self._task.states
+
+    def swap(self, solver):
+        """Goes on with another solver from the same states."""
+        self._task.swap(solver)
+
+    def render(self):
+        raise NotImplementedError(_RENDER)
+
+    # With a seed the first episodes of it, which are those of the command line, else the next ones.
     def _restart(self, seed, mask):
         if seed is None and not self._began:
             seed = int(self.np_random.integers(2**63 - 1))
@@ -53,18 +83,19 @@ class _Seeds:
         self._fresh[mask] = False
 
 
-class TaskVectorEnv(_Seeds, VectorEnv):
+class TaskVectorEnv(_Tasks, VectorEnv):
     """n environments of a task, stepped together.
 
     Observations are float64 [n, observation], actions float64 [n, action] from -1 to 1 (beyond they are clamped). `reset(seed=)` takes
     one whole number: environment i then goes through the episodes that it has on the command line by `--seed`. In infos `miss` has
-    by how much a step missed what the task asks for, of tasks that say so.
+    by how much a step missed what the task asks for, of tasks that say so, and `fault` is true where the solver could not go on: the
+    episode ended, with reward 0.
     """
 
-    def __init__(self, num_envs=1, *, task, robot=None, solver="articulated", autoreset_mode=AutoresetMode.NEXT_STEP):
+    def __init__(self, num_envs=1, *, task, robot=None, solver="articulated", autoreset_mode=AutoresetMode.NEXT_STEP, family=None):
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"autoreset_mode": self.autoreset_mode, "render_modes": []}
-        self._task = Task(task, robot, num_envs, solver)
+        self._task = Task(task, robot, num_envs, solver, family=family)
         self.num_envs = num_envs
         self.single_observation_space, self.single_action_space = _spaces(self._task)
         self.observation_space, self.action_space = (
@@ -93,21 +124,24 @@ class TaskVectorEnv(_Seeds, VectorEnv):
         if not self._began:
             raise gymnasium.error.ResetNeeded("reset() comes before the first step")
         if held.any() and mode == AutoresetMode.DISABLED:
-            raise gymnasium.error.ResetNeeded(f"{held.sum()} environments have ended: reset(options={{'reset_mask': mask}}) comes before")
+            ended = f"{held.sum()} of {self.num_envs} environments ended"
+            raise gymnasium.error.ResetNeeded(f"{ended}: reset(options={{'reset_mask': mask}}) comes before the next step")
         actions = np.array(actions, np.float64)
         numbers = self._task.numbers
         if held.any() and actions.shape == (self.num_envs, self._task.action):
             actions[held] = 0.0
-        rewards, terminated, truncated, observations, misses = self._task.step(actions)
+        rewards, terminated, truncated, observations, misses, faults = self._task.step(actions)
         if held.any():
             # All are stepped together; those that only begin in this step begin again.
             self._task.begin(held, numbers)
             observations[held] = self._task.observations()[held]
-            rewards[held], terminated[held], truncated[held], misses[held] = 0.0, False, False, np.nan
+            rewards[held], terminated[held], truncated[held], misses[held], faults[held] = 0.0, False, False, np.nan, False
         ended = terminated | truncated
         infos = {}
         if np.isfinite(misses).any():
             infos["miss"], infos["_miss"] = misses, np.isfinite(misses)
+        if faults.any():
+            infos["fault"] = infos["_fault"] = faults
         self._fresh, self._ended = ended.copy(), ended
         if mode == AutoresetMode.SAME_STEP:
             if ended.any():
@@ -120,17 +154,17 @@ class TaskVectorEnv(_Seeds, VectorEnv):
         return observations, rewards, terminated, truncated, infos
 
 
-class TaskEnv(_Seeds, gymnasium.Env):
+class TaskEnv(_Tasks, gymnasium.Env):
     """One environment of a task: observations float64 [observation], actions float64 [action] from -1 to 1."""
 
     metadata = {"render_modes": []}
 
-    def __init__(self, task, robot=None, solver="articulated", device="cpu", render_mode=None):
+    def __init__(self, task, robot=None, solver="articulated", device="cpu", render_mode=None, family=None):
         if render_mode is not None:
             # A TypeError, after which Stable-Baselines3 asks without it.
-            raise TypeError("render_mode: there is none; `python -m nerd policy show` writes an episode as a page")
+            raise TypeError(_RENDER)
         self.render_mode = None
-        self._task = Task(task, robot, 1, solver, device)
+        self._task = Task(task, robot, 1, solver, device, family=family)
         self.observation_space, self.action_space = _spaces(self._task)
         self._began = False
         self._fresh = np.zeros(1, bool)
@@ -141,9 +175,12 @@ class TaskEnv(_Seeds, gymnasium.Env):
         return self._task.observations()[0], {}
 
     def step(self, action):
-        rewards, terminated, truncated, observations, misses = self._task.step(np.array(action, np.float64)[None])
+        if not self._began or self._fresh[0]:
+            raise gymnasium.error.ResetNeeded("the episode ended, or none began: reset() comes before the next step")
+        rewards, terminated, truncated, observations, misses, faults = self._task.step(np.array(action, np.float64)[None])
         self._fresh[:] = terminated | truncated
         info = {"miss": float(misses[0])} if np.isfinite(misses[0]) else {}
+        info.update({"fault": True} if faults[0] else {})
         return observations[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), info
 
 

@@ -27,5 +27,12 @@ def step(simulation, states, tau):
 
     Both are tensors of float64 on the CPU, and so is the result; gradients go back to both. The simulation gives robot, scenes and
     solver, "articulated" or a model whose network sees one frame; its own states stay as they are.
+
+    Raises TypeError for others.
     """
+    for name, given in (("states", states), ("tau", tau)):
+        if not isinstance(given, torch.Tensor):
+            raise TypeError(f"{name}: a torch tensor is needed, not {type(given).__name__}; take torch.as_tensor(..)")
+        if given.dtype != torch.float64 or given.device.type != "cpu":
+            raise TypeError(f"{name}: a tensor of float64 on the CPU is needed, not {given.dtype} on {given.device}; take .double().cpu()")
     return _Step.apply(simulation, states, tau)

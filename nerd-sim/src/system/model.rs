@@ -258,7 +258,13 @@ impl System {
         Vector3::from(self.spec.gravity)
     }
 
-    /// Names of the robot's own scenes; beside them it has [`WORLDS`], if it has contact points.
+    /// Names of all scenes: the robot's own, and [`WORLDS`] if it has contact points.
+    pub fn all_scenes(&self) -> Vec<&str> {
+        let worlds = WORLDS.into_iter().filter(|_| !self.robot.contact_points.is_empty());
+        self.scene_names().into_iter().chain(worlds).collect()
+    }
+
+    /// Names of the robot's own scenes.
     pub fn scene_names(&self) -> Vec<&str> {
         let base = (!self.base.is_empty()).then_some("base");
         std::iter::once("free").chain(base).chain(self.spec.scenes.iter().map(|s| s.name.as_str())).collect()
@@ -279,7 +285,7 @@ impl System {
             None => world(name, &gravity, material).filter(|_| touches),
         };
         let Some(mut scene) = scene else {
-            let known = self.scene_names().into_iter().chain(WORLDS.into_iter().filter(|_| touches)).collect::<Vec<_>>().join(", ");
+            let known = self.all_scenes().join(", ");
             let why = if touches { "" } else { ", since it has nothing to touch with; give it [[contact]] points" };
             return Err(SystemError::Scene(self.name.clone(), name.into(), known + why));
         };

@@ -102,7 +102,7 @@ impl VarySpec {
     }
 
     /// Whether motors or sensors differ.
-    pub(crate) fn rigged(&self) -> bool {
+    pub fn rigged(&self) -> bool {
         [self.strength, self.delay, self.zero, self.top_speed, self.ripple].iter().any(Option::is_some)
     }
 

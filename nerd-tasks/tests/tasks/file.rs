@@ -91,6 +91,11 @@ fn what_is_wrong_with_a_file_is_said_with_its_place() {
     let said = |name: &str| named(name).err().map(|e| e.to_string()).unwrap_or_default();
     assert!(said("walk").contains("name one with --robot"), "{}", said("walk"));
     assert!(said("walk@cartpole").contains("the base of `cartpole` is fixed"), "{}", said("walk@cartpole"));
+    assert_eq!(
+        said("cartpole-swingup@pendulum"),
+        "task `cartpole-swingup` is for `cartpole`: those for any robot are walk, rough, stand, reach"
+    );
+    assert!(named("ant-run@ant").is_ok() && said("wlk@ant").starts_with("no task `wlk`: "), "{}", said("wlk@ant"));
     assert!(said("no/such.toml").contains("no/such.toml"), "{}", said("no/such.toml"));
 }
 

@@ -141,6 +141,7 @@ fn is_the_same(compiler: &Compiler, name: &str, system: &Arc<System>) -> bool {
     episodes.trace();
     let begun = episodes.snapshot();
     let StepResult { rewards, terminated, truncated, reached, failed, .. } = episodes.step(&actions).expect("it can be stepped");
+    let failed = failed.iter().filter(|failed| **failed).count();
     let (after, trace) = (episodes.snapshot(), episodes.trace());
     let numbers = |x: &[f64]| x.iter().filter(|x| !x.is_nan()).copied().collect::<Vec<f64>>();
     let ends: Vec<u8> = terminated.iter().zip(&truncated).map(|(end, cut)| if *end { 1 } else { 2 * u8::from(*cut) }).collect();

@@ -70,7 +70,7 @@ pub trait Turns {
             self.act(&running.stack.rows, noise, &mut actions)?;
             let (result, ended) = running.step(episodes, &actions, &mut reached)?;
             taken.ended.extend(ended.into_iter().map(|ended| Ended { step: t, ..ended }));
-            taken.failed += result.failed;
+            taken.failed += result.failed.iter().filter(|failed| **failed).count();
             ends.extend(endings(&result));
             rewards.extend(result.rewards);
             self.arrive(&reached, &result.truncated)?;

@@ -34,7 +34,7 @@ impl Steps {
             kept.mean.extend(answer.mean);
             let (result, ended) = running.step(episodes, &actions, &mut cut)?;
             taken.ended.extend(ended.into_iter().map(|ended| Ended { step: t, ..ended }));
-            taken.failed += result.failed;
+            taken.failed += result.failed.iter().filter(|failed| **failed).count();
             kept.ends.extend(endings(&result));
             kept.rewards.extend(result.rewards);
             kept.cut.extend_from_slice(&cut);
