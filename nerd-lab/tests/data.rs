@@ -100,3 +100,39 @@ fn motions_are_as_far_apart_as_their_contact_points() {
     replay.compare(&batch.system.robot);
     assert!(replay.apart.len() == 1 && (replay.apart[0] - 0.03).abs() < 1e-6, "moved by 0.03 m: {:?} m apart", replay.apart);
 }
+
+#[test]
+fn a_robot_is_shown_by_its_own_shapes() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // A prism of 0.4 x 0.2 x 0.1 m about (0.1, 0, 0), twice its size.
+    let corner = |k: usize| format!("v {} {} {}\n", [-0.2, 0.6][k & 1], [-0.2, 0.2][k >> 1 & 1], [-0.1, 0.1][k >> 2]);
+    std::fs::write(folder.path().join("prism.obj"), (0..8).map(corner).collect::<String>()).expect("written");
+    let inertial = r#"<inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>"#;
+    let shape = |kind: &str, what: &str| format!(r#"<{kind}><origin xyz="0 0 1"/><geometry>{what}</geometry></{kind}>"#);
+    let mesh = |file: &str| format!(r#"<mesh filename="{file}" scale="0.5 0.5 0.5"/>"#);
+    let links = [
+        ("seen", shape("visual", &mesh("prism.obj")) + &shape("collision", "<sphere radius=\"1\"/>")),
+        ("lost", shape("visual", &mesh("lost.obj")) + &shape("collision", "<box size=\"1 1 1\"/>")),
+        ("touched", shape("collision", &mesh("prism.obj"))),
+        ("bare", String::new()),
+    ];
+    let chain = links.windows(2).map(|pair| {
+        let (a, b) = (pair[0].0, pair[1].0);
+        format!(
+            r#"<joint name="{b}" type="continuous"><origin xyz="0 0 1"/><parent link="{a}"/><child link="{b}"/><axis xyz="0 1 0"/></joint>"#
+        )
+    });
+    let joints: String = chain.collect();
+    let links: String = links.iter().map(|(name, shapes)| format!(r#"<link name="{name}">{inertial}{shapes}</link>"#)).collect();
+    let path = folder.path().join("robot.urdf");
+    std::fs::write(&path, format!(r#"<robot name="r">{links}{joints}</robot>"#)).expect("written");
+    let system = System::named(path.to_str().expect("a path")).expect("a robot");
+    let shapes = Replay::new("r", &Batch::new(&system, &system.scene("free").expect("free"), 1), 0.1).shapes;
+    let kinds: Vec<_> = shapes.iter().map(|solid| (solid.link, solid.kind)).collect();
+    assert_eq!(kinds, [(None, "hull"), (Some(0), "box"), (Some(1), "hull"), (Some(2), "box")], "the first is the base, the last a lump");
+    let (prism, near) = (&shapes[0], |a: f64, b: f64| (a - b).abs() < 1e-4);
+    let (corners, triangles) = prism.hull.as_ref().expect("a hull");
+    assert!(prism.size.iter().zip([0.2, 0.1, 0.05]).all(|(a, b)| near(*a, b)), "half edges {:?}", prism.size);
+    assert!(prism.pose[..3].iter().zip([0.1, 0.0, 1.0]).all(|(a, b)| near((*a).into(), b)), "its middle {:?}", prism.pose);
+    assert_eq!((corners.len(), triangles.len()), (8, 12), "corners and triangles");
+}

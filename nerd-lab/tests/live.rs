@@ -4,19 +4,23 @@ use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
-use nerd_lab::live::{Act, Ask, Live, World};
+use nerd_lab::live::{Act, Ask, Live, MOST, Menu, World};
 use nerd_model::pick::Setting;
 use nerd_sim::prelude::*;
 use nerd_train::evaluate::Gaps;
 
-/// An Ant over its ground that hangs, under the truth and two cheaper solvers.
-fn ant() -> World {
-    let system = System::named("ant").expect("built in");
+/// A robot over its ground, held in its pose.
+fn over_ground(robot: &str, settings: Vec<Setting>) -> World {
+    let system = System::named(robot).expect("built in");
     let mut batch = Batch::new(&system, &system.scene("ground").expect("its ground"), 1);
     batch.reset(0, &system.default_state());
     let simulation = Simulation::new(batch, Articulated::new(ArticulatedConfig::accurate(&system)));
-    let settings = vec![Setting::Accurate, Setting::Implicit(1), Setting::RapierSteps(4)];
-    let mut world = World::new(Act::Alone(simulation), settings).expect("a solver");
+    World::new("ant <in> ground", Act::Alone(simulation), settings).expect("a solver")
+}
+
+/// A limp Ant under the truth and two cheaper solvers.
+fn ant() -> World {
+    let mut world = over_ground("ant", vec![Setting::Accurate, Setting::Implicit(1), Setting::RapierSteps(4)]);
     world.answer(Ask::Hold { to: false });
     world
 }
@@ -97,12 +101,16 @@ fn what_cannot_be_asked_is_refused_in_a_line() {
         (r#"{"do":"friction","to":-1}"#, "friction"),
         (r#"{"do":"drag","link":0,"local":[0,0,0],"target":[0,0,1e9]}"#, "drag"),
         (r#"{"do":"pause","to":true,"more":1}"#, "more"),
+        (r#"{"do":"substeps","to":0}"#, "substeps"),
+        (r#"{"do":"envs","to":1000000000}"#, "envs"),
+        (r#"{"do":"robot","to":"/etc/passwd"}"#, "passwd"),
     ] {
         let error = Ask::read(text).expect_err(text);
         assert!(error.contains(of) && !error.contains('\n'), "`{text}`: {error}");
     }
     let mut world = ant();
-    for ask in [Ask::Solver { to: 99 }, Ask::Drag { link: 99, local: [0.0; 3], target: [0.0; 3] }] {
+    let drag = Ask::Drag { link: 99, local: [0.0; 3], target: [0.0; 3] };
+    for ask in [Ask::Solver { to: 99 }, drag, Ask::Robot { to: 99 }, Ask::Policy { to: 99 }] {
         world.answer(ask);
         world.step();
         assert!(world.shown().trouble.contains("99"), "a frame later: `{}`", world.shown().trouble);
@@ -138,7 +146,7 @@ fn get(address: &str, path: &str, host: &str) -> String {
 
 #[test]
 fn hostile_visitors_and_a_hundred_at_once_end_nothing() {
-    let live = Live::serve(ant(), "ant <in> ground", 0).expect("a port");
+    let live = Live::serve(ant(), 0).expect("a port");
     let address = live.address();
     let host = address.trim_start_matches("http://").to_string();
     assert!(host.starts_with("127.0.0.1:"), "it listens at {host}");
@@ -190,7 +198,7 @@ fn hostile_visitors_and_a_hundred_at_once_end_nothing() {
 
 #[test]
 fn a_flood_of_asks_does_not_stop_the_motion() {
-    let live = Live::serve(ant(), "ant", 0).expect("a port");
+    let live = Live::serve(ant(), 0).expect("a port");
     let address = live.address();
     let host = address.trim_start_matches("http://").to_string();
     let frame = || get(&address, "/state", &host).split("\"frame\":").nth(1).and_then(|rest| rest.split(',').next()?.parse::<u64>().ok());
@@ -205,16 +213,24 @@ fn a_flood_of_asks_does_not_stop_the_motion() {
 }
 
 #[test]
-fn a_friction_that_was_changed_keeps_no_model_away() {
-    let mut world = ant();
+fn a_world_slower_than_time_still_hears() {
     let system = System::named("ant").expect("built in");
-    let model = nerd_train::shipped::model(Truth::Articulated, "ant");
-    let mut batch = Batch::new(&system, &system.scene("ground").expect("its ground"), 1);
-    batch.reset(0, &system.default_state());
+    let batch = Batch::new(&system, &system.scene("ground").expect("its ground"), 1024);
     let simulation = Simulation::new(batch, Articulated::new(ArticulatedConfig::accurate(&system)));
-    if model.exists() {
-        world = World::new(Act::Alone(simulation), vec![Setting::Accurate, Setting::Neural(model)]).expect("a solver");
+    let live = Live::serve(World::new("many", Act::Alone(simulation), vec![Setting::Implicit(64)]).expect("a solver"), 0).expect("a port");
+    let address = live.address();
+    let host = address.trim_start_matches("http://");
+    post(&address, "application/json", r#"{"do":"pause","to":true}"#);
+    let began = Instant::now();
+    while !get(&address, "/state", host).contains("\"paused\":true") {
+        assert!(began.elapsed() < Duration::from_secs(60), "a minute later it has not paused");
     }
+}
+
+#[test]
+fn a_friction_that_was_changed_keeps_no_model_away() {
+    let model = nerd_train::shipped::model(Truth::Articulated, "ant");
+    let mut world = if model.exists() { over_ground("ant", vec![Setting::Accurate, Setting::Neural(model)]) } else { ant() };
     world.answer(Ask::Friction { to: 0.1 });
     world.answer(Ask::Solver { to: 1 });
     steps(&mut world, 5);
@@ -225,12 +241,9 @@ fn a_friction_that_was_changed_keeps_no_model_away() {
 /// The end link of a leg is some hundredth of the robot: an explicit hand as strong as the robot is heavy throws it about.
 #[test]
 fn a_hand_at_a_toe_is_stable() {
-    let system = System::named("anymal").expect("built in");
-    let mut batch = Batch::new(&system, &system.scene("ground").expect("its ground"), 1);
-    batch.reset(0, &system.default_state());
+    let mut world = over_ground("anymal", vec![Setting::Accurate]);
+    let system = world.system().clone();
     let toe = system.robot.contact_points.last().expect("feet").clone();
-    let simulation = Simulation::new(batch, Articulated::new(ArticulatedConfig::accurate(&system)));
-    let mut world = World::new(Act::Alone(simulation), vec![Setting::Accurate]).expect("a solver");
     world.answer(Ask::Ghost { to: true });
     let up = -system.gravity().normalize();
     let target = Vector3::from(steps(&mut world, 30).map(f64::from)) + up;
@@ -240,4 +253,62 @@ fn a_hand_at_a_toe_is_stable() {
     assert!(root.iter().all(|x| x.abs() < 5.0), "the root is at {root:?} after four seconds");
     let apart = world.shown().apart.expect("a ghost");
     assert!(apart < 1e-9, "the truth and its ghost, pulled alike, are {apart} apart");
+}
+
+#[test]
+fn substeps_are_those_of_the_solver_that_moves() {
+    let mut world = ant();
+    world.answer(Ask::Solver { to: 1 });
+    world.answer(Ask::Substeps { to: 8 });
+    let shown = world.shown();
+    assert_eq!((shown.name.as_str(), shown.substeps), ("articulated implicit x8", Some(8)));
+    let by_hand = steps(&mut over_ground_limp(8), 40);
+    assert_eq!(steps(&mut world, 40), by_hand, "eight substeps move as eight");
+    assert_ne!(by_hand, steps(&mut over_ground_limp(1), 40), "and one otherwise");
+    for solver in [2, 0] {
+        world.answer(Ask::Solver { to: solver });
+        world.answer(Ask::Substeps { to: 2 });
+        assert_eq!(world.shown().trouble.is_empty(), solver == 2, "solver {solver}: {}", world.shown().trouble);
+    }
+}
+
+fn over_ground_limp(substeps: usize) -> World {
+    let mut world = over_ground("ant", vec![Setting::Implicit(substeps)]);
+    world.answer(Ask::Hold { to: false });
+    world
+}
+
+#[test]
+fn a_menu_leads_from_robot_to_policy_to_a_thousand() {
+    let mut world = World::of(Menu::new(Some("cartpole"), None, None, &[]).expect("built in")).expect("a world");
+    let page = world.page();
+    let place = |list: &str, name: &str| {
+        let all = page["menu"][list].as_array().expect("a list").clone();
+        all.iter().position(|own| own.as_str().is_some_and(|own| own.ends_with(name))).unwrap_or_else(|| panic!("no {name} in {list}"))
+    };
+    world.answer(Ask::Robot { to: place("robots", "pendulum") });
+    assert!(world.title().starts_with("pendulum in "), "{}", world.title());
+    if !nerd_train::shipped::policies("").expect("a folder").is_empty() {
+        world.answer(Ask::Policy { to: 1 + place("policies", "ant-run-neural-200") });
+        assert_eq!((world.title(), world.shown().trouble.as_str()), ("ant-run", ""));
+        steps(&mut world, 3);
+        world.answer(Ask::Policy { to: 0 });
+    }
+    assert_eq!(world.shown().tracks.len(), 1);
+    let numbers = world.number();
+    world.answer(Ask::Envs { to: 1000 });
+    world.page();
+    let lines = |world: &World| world.crowd().chunks_exact(4).map(|x| f32::from_le_bytes([x[0], x[1], x[2], x[3]])).collect::<Vec<_>>();
+    let before = lines(&world);
+    let each = before.len() / 999;
+    assert!(each > 0 && each % 6 == 0 && before.len() == 999 * each, "{} numbers for 999 robots", before.len());
+    steps(&mut world, 5);
+    let after = lines(&world);
+    let still = before.chunks_exact(each).zip(after.chunks_exact(each)).filter(|(a, b)| a == b).count();
+    assert!(still == 0 && after.iter().all(|x| x.is_finite()), "{still} of 999 do not move");
+    assert_eq!(world.number(), numbers + 1);
+    world.answer(Ask::Envs { to: MOST });
+    world.answer(Ask::Ghost { to: true });
+    steps(&mut world, 1);
+    assert_eq!(world.shown().apart, Some(0.0), "the first of {MOST} under the truth is where its ghost is");
 }

@@ -1,10 +1,7 @@
 //! `cargo xtask live`: a robot in a browser on this machine, to be watched, pushed and given another solver while it moves.
 
-use nerd_lab::live::{Act, Live, World};
+use nerd_lab::live::{Live, Menu, World};
 use nerd_model::pick::Setting;
-use nerd_tasks::named;
-use nerd_train::ppo::{Actor, Arena, Running, folder};
-use nerd_train::shipped;
 
 use crate::prelude::*;
 
@@ -31,33 +28,12 @@ pub struct LiveArgs {
 }
 
 pub fn run(args: LiveArgs) -> Result<()> {
-    let (act, system, title) = match (&args.policy, &args.robot) {
-        (Some(folder), _) => {
-            let (config, policy) = folder::load(folder)?;
-            let arena = Arena::Truth(named(&config.task)?.system()?.spec.truth);
-            let episodes = arena.episodes(&config.task, 1, 0)?;
-            let system = episodes.simulation.batch.system.clone();
-            let running = Running::new(&episodes, policy.shape.stack);
-            (Act::Policy(Box::new((episodes, running, Actor::new(policy)))), system, config.task)
-        }
-        (None, robot) => {
-            let system = System::named(robot.as_deref().unwrap_or_default())?;
-            let scenes = system.scene_names();
-            let usual = scenes.iter().find(|s| **s == "ground").or(scenes.get(1)).unwrap_or(&scenes[0]);
-            let scene = system.scene(args.scene.as_deref().unwrap_or(usual))?;
-            let mut batch = Batch::new(&system, &scene, 1);
-            batch.reset(0, &system.default_state());
-            let title = format!("{} in {}", system.name, scene.name);
-            (Act::Alone(Simulation::new(batch, Articulated::new(ArticulatedConfig::accurate(&system)))), system, title)
-        }
-    };
-    let shipped = Some(shipped::model(system.spec.truth, &system.name)).filter(|folder| folder.exists());
-    let mut settings = vec![Setting::from(system.spec.truth), Setting::Implicit(1), Setting::Implicit(4), Setting::RapierSteps(4)];
-    settings.extend(shipped.into_iter().chain(args.model.iter().cloned()).map(Setting::Neural));
-    for folder in &args.model {
-        Setting::Neural(folder.clone()).solver(&system)?;
+    let world = World::of(Menu::new(args.robot.as_deref(), args.scene.as_deref(), args.policy.as_deref(), &args.model)?)?;
+    for folder in args.model {
+        Setting::Neural(folder).solver(world.system())?;
     }
-    let live = Live::serve(World::new(act, settings)?, &title, args.port as u16)?;
+    let title = world.title().to_string();
+    let live = Live::serve(world, args.port as u16)?;
     say!("{title}: open {}; Ctrl-C ends it", live.address());
     loop {
         std::thread::park();

@@ -4,6 +4,8 @@ use serde::Deserialize;
 
 use nerd_sim::range::within;
 
+use super::menu::MOST;
+
 /// One request, as JSON: `{"do": "gravity", "to": 3.7}`.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(tag = "do", rename_all = "snake_case", deny_unknown_fields)]
@@ -20,6 +22,31 @@ pub enum Ask {
     /// Another solver, from the present state: its place in the list.
     Solver {
         /// Place in the list.
+        to: usize,
+    },
+    /// Substeps of a frame, of a solver that has them.
+    Substeps {
+        /// From 1 to 64.
+        to: usize,
+    },
+    /// Another robot: its place in the list.
+    Robot {
+        /// Place in the list.
+        to: usize,
+    },
+    /// Another scene of the robot.
+    Scene {
+        /// Place in the list.
+        to: usize,
+    },
+    /// A policy in its task.
+    Policy {
+        /// Place in the list, from 1; 0: none.
+        to: usize,
+    },
+    /// So many environments side by side.
+    Envs {
+        /// From 1 to [`super::MOST`].
         to: usize,
     },
     /// Whether the truth moves along, from the present state.
@@ -64,6 +91,8 @@ impl Ask {
         let ask: Self = serde_json::from_str(text).map_err(|e| e.to_string())?;
         match &ask {
             Self::Friction { to } => within("friction", *to, 0.0..=4.0, "")?,
+            Self::Substeps { to } => within("substeps", *to as f64, 1.0..=64.0, "")?,
+            Self::Envs { to } => within("envs", *to as f64, 1.0..=MOST as f64, "")?,
             Self::Gravity { to } => within("gravity", *to, 0.0..=30.0, "m/s^2")?,
             Self::Drag { local, target, .. } => local.iter().chain(target).try_for_each(|x| within("drag", *x, -FAR..=FAR, "m"))?,
             _ => (),

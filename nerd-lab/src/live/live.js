@@ -1,23 +1,37 @@
 // The page of `cargo xtask live`: asks for the latest frame, paints it with the painter of replays, and says what the visitor does.
-function live({ robot, solvers, friction, gravity }) {
+function live({ robot, sticks, solvers, menu, number, friction, gravity }) {
   const by = id => document.getElementById(id), seen = by("seen"), drawn = by("drawn");
-  const ask = what => fetch("/ask", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(what) })
+  // One after the other, so that they arrive in their order.
+  let asks = Promise.resolve();
+  const post = what => fetch("/ask", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(what) })
     .then(async answer => { by("refused").textContent = answer.ok ? "" : await answer.text(); }).catch(() => {});
-  solvers.forEach((name, k) => by("solver").add(new Option(name, k)));
+  const ask = what => asks = asks.then(() => post(what));
+  const list = (id, names, chosen) => {
+    names.forEach(([name, value]) => by(id).add(new Option(name, value)));
+    by(id).value = chosen;
+    by(id).parentElement.hidden = names.length < 2;
+  };
+  const last = path => path.split("/").pop();
+  list("solver", solvers.map((name, k) => [name, k]), 0);
+  list("robot", menu.robots.map((name, k) => [last(name), k]), menu.robot);
+  list("scene", menu.scenes.map((name, k) => [name, k]), menu.scene);
+  list("policy", [["none", 0], ...menu.policies.map((path, k) => [last(path), k + 1])], menu.policy);
+  list("envs", [...new Set([menu.envs, ...(menu.robots.length ? [1, 64, 1024, 4096] : [])])].map(n => [n, n]), menu.envs);
   [by("friction").value, by("gravity").value] = [friction, gravity];
-  let painter = null, state = null, grip = null, turning = null;
+  let painter = null, state = null, text = "", others = null, grip = null, moments = [], painting = 0, changed = false;
   const past = [];
 
   const size = canvas => {
     const scale = window.devicePixelRatio || 1;
-    canvas.width = canvas.clientWidth * scale;
-    canvas.height = canvas.clientHeight * scale;
+    const [width, height] = [canvas.clientWidth * scale, canvas.clientHeight * scale].map(Math.round);
+    if (canvas.width !== width || canvas.height !== height) [canvas.width, canvas.height] = [width, height];
     return scale;
   };
 
   // Distance of the ghost (filled) and microseconds of both, over the last frames, each from 0 to its own largest.
   function figures() {
     const context = drawn.getContext("2d"), scale = size(drawn);
+    context.clearRect(0, 0, drawn.width, drawn.height);
     const rows = [["distance", "#b8450f", p => p.apart || 0], ["solver's time", "#2b6cb0", p => p.cost[0]], ["ghost's time", "#8a94a3", p => p.cost[1]]];
     rows.forEach(([name, colour, of], row) => {
       context.fillStyle = colour;
@@ -31,18 +45,25 @@ function live({ robot, solvers, friction, gravity }) {
       context.stroke();
     });
     const ghost = state.apart === null ? "" : `, ghost ${state.cost[1].toFixed(0)} us, ${state.apart.toExponential(2)} apart`;
-    by("figures").textContent = `frame ${state.frame}, ${solvers[state.solver]} ${state.cost[0].toFixed(0)} us${ghost}`;
+    by("figures").textContent = `frame ${state.frame}, ${state.name} ${state.cost[0].toFixed(0)} us${ghost}; ` +
+      `${moments.length} pictures a second, each painted in ${painting.toFixed(1)} ms`;
     by("trouble").textContent = state.trouble;
     by("pause").textContent = state.paused ? "Play" : "Pause";
     by("solver").value = state.solver;
+    by("substeps").parentElement.hidden = state.substeps === null;
+    if (document.activeElement !== by("substeps")) by("substeps").value = state.substeps || 1;
     [by("ghost").checked, by("hold").checked] = [state.apart !== null, state.hold];
   }
 
   function paint() {
     const scale = size(seen);
     robot.tracks = state.tracks.map((poses, k) => ({ name: k ? "truth" : "robot", poses: [poses] }));
-    painter = painter || replay.painter(robot);
-    painter.paint(seen, 0, painter.view, scale);
+    if (!painter) {
+      painter = replay.painter(robot);
+      painter.view.distance *= 0.75 * Math.sqrt(menu.envs) + 0.25;
+      if (menu.envs > 1) painter.view.lift = 0.6;
+    }
+    painter.paint(seen, 0, painter.view, scale, others && { sticks, ends: others });
     if (grip) {
       const camera = painter.camera(seen, 0, painter.view), context = seen.getContext("2d");
       context.strokeStyle = "#d0021b";
@@ -54,19 +75,28 @@ function live({ robot, solvers, friction, gravity }) {
     seen.dataset.painted = +(seen.dataset.painted || 0) + 1;
   }
 
-  async function look() {
-    try {
-      const answer = await (await fetch("/state")).json();
-      if (!state || answer.frame !== state.frame) {
-        past.push(answer);
-        if (past.length > 300) past.shift();
-      }
-      state = answer;
+  async function read() {
+    const now = await (await fetch("/state")).text(), answer = now === text ? state : JSON.parse(now);
+    if (answer === state) return;
+    if (answer.number !== number) return location.reload();
+    if (menu.envs > 1) others = new Float32Array(await (await fetch("/crowd")).arrayBuffer());
+    if (answer.frame !== state?.frame) past.push(answer);
+    if (past.length > 300) past.shift();
+    [state, text, changed] = [answer, now, true];
+  }
+
+  // The next frame is fetched while the last is painted, once.
+  async function look(now) {
+    const next = read().catch(error => { by("trouble").textContent = `no answer: ${error.message}`; });
+    if (changed) {
+      changed = false;
+      const began = performance.now();
       paint();
       figures();
-    } catch (error) {
-      by("trouble").textContent = `no answer: ${error.message}`;
+      painting += 0.1 * (performance.now() - began - painting);
+      moments = [...moments.filter(moment => moment > now - 1000), now];
     }
+    await next;
     requestAnimationFrame(look);
   }
 
@@ -85,7 +115,7 @@ function live({ robot, solvers, friction, gravity }) {
   seen.onpointerdown = e => {
     seen.setPointerCapture(e.pointerId);
     grip = state && painter && !e.shiftKey ? find(pointer(e)) : null;
-    if (grip) drag(); else turning = [e.clientX, e.clientY];
+    if (grip) drag();
   };
   seen.onpointermove = e => {
     if (grip) {
@@ -93,22 +123,23 @@ function live({ robot, solvers, friction, gravity }) {
       const a = (x - seen.width / 2) * grip.depth / focus, b = (seen.height / 2 - y) * grip.depth / focus;
       grip.target = [0, 1, 2].map(k => eye[k] - back[k] * grip.depth + right[k] * a + above[k] * b);
       drag();
-    } else if (turning) {
-      painter.view.turn += (turning[0] - e.clientX) * 0.008;
-      painter.view.lift = Math.min(1.5, Math.max(-0.2, painter.view.lift + (e.clientY - turning[1]) * 0.006));
-      turning = [e.clientX, e.clientY];
+    } else if (painter && e.buttons) {
+      painter.turn(e);
     }
+    changed = state !== null;
   };
   seen.onpointerup = seen.onpointercancel = () => {
     if (grip) ask({ do: "release" });
-    grip = turning = null;
+    grip = null;
   };
-  seen.onwheel = e => { e.preventDefault(); if (painter) painter.view.distance *= Math.exp(e.deltaY * 0.001); };
+  seen.onwheel = e => { e.preventDefault(); if (painter) painter.view.distance *= Math.exp(e.deltaY * 0.001); changed = state !== null; };
+  window.addEventListener("resize", () => { changed = state !== null; });
   by("pause").onclick = () => ask({ do: "pause", to: !state.paused });
   by("step").onclick = () => ask({ do: "pause", to: true }).then(() => ask({ do: "step" }));
   by("reset").onclick = () => ask({ do: "reset" });
-  by("solver").onchange = e => ask({ do: "solver", to: +e.target.value });
   for (const id of ["ghost", "hold"]) by(id).onchange = e => ask({ do: id, to: e.target.checked });
-  for (const id of ["friction", "gravity"]) by(id).onchange = e => ask({ do: id, to: +e.target.value });
-  look();
+  for (const id of ["robot", "scene", "policy", "envs", "solver", "substeps", "friction", "gravity"])
+    by(id).onchange = e => ask({ do: id, to: +e.target.value });
+  look(performance.now());
+  return paint;
 }

@@ -1,45 +1,21 @@
-//! One robot under a solver that can be swapped, its truth as a ghost, and a hand that pulls at a link.
+//! One robot, or many alike, under a solver that can be swapped; of the first its truth as a ghost, and a hand that pulls at a link.
 
-use nalgebra::{DMatrix, Matrix3};
-use nerd_core::{dynamics::Axes, robot::FixedFrame};
-use nerd_tasks::Episodes;
 use nerd_train::evaluate::{Gaps, quantities};
-use nerd_train::ppo::{Actor, Running};
 use nerd_train::replay::{Replay, poses};
 
-use super::Ask;
+use super::act::Act;
+use super::ask::Ask;
+use super::crowd::{Stick, ends};
+use super::hand::Hand;
+use super::menu::{Made, Menu};
 use crate::prelude::*;
-
-/// Stiffness of the hand over the robot's mass (1/s^2); its damping is critical for that mass. It is as strong at the end of a toe, so it is
-/// stepped implicitly.
-const PULL: f64 = 60.0;
-
-/// Who gives the torques.
-pub enum Act {
-    /// Nobody, or the robot's own law towards its rest pose.
-    Alone(Simulation),
-    /// A policy in its task.
-    Policy(Box<(Episodes, Running, Actor)>),
-}
-
-impl Act {
-    fn simulation(&mut self) -> &mut Simulation {
-        match self {
-            Self::Alone(simulation) => simulation,
-            Self::Policy(played) => &mut played.0.simulation,
-        }
-    }
-
-    fn seconds(&self) -> f64 {
-        match self {
-            Self::Alone(simulation) => simulation.batch.system.frame_time,
-            Self::Policy(played) => played.0.simulation.batch.system.frame_time * played.0.task.frames() as f64,
-        }
-    }
-}
 
 /// What is shown, and does as it is asked.
 pub struct World {
+    title: String,
+    menu: Menu,
+    /// Worlds before this one.
+    number: usize,
     act: Act,
     /// As it was read: solvers are made for it, whatever friction it has now.
     system: Arc<System>,
@@ -50,9 +26,10 @@ pub struct World {
     ghost: Option<Simulation>,
     gaps: Gaps,
     controller: Controller,
+    sticks: Vec<Stick>,
     hold: bool,
     paused: bool,
-    pull: Option<(usize, Vector3<f64>, Vector3<f64>)>,
+    hand: Option<Hand>,
     frame: u64,
     /// Microseconds of the last frame: of the solver, of the ghost.
     cost: [f64; 2],
@@ -62,9 +39,11 @@ pub struct World {
 /// The latest frame, for the page.
 #[derive(Clone, Debug, Serialize)]
 pub struct Shown {
+    /// Which world it is of: after a choice the page is another one.
+    pub number: usize,
     /// Frames since the start.
     pub frame: u64,
-    /// Poses by link: of the robot, and of its ghost if there is one.
+    /// Poses by link: of the first robot, and of its ghost if there is one.
     pub tracks: Vec<Vec<[f32; 7]>>,
     /// Distance of the ghost: mean |dq| over position, orientation and joints (m and rad), as `evaluate` has it.
     pub apart: Option<f64>,
@@ -72,6 +51,10 @@ pub struct Shown {
     pub cost: [f64; 2],
     /// Place of the solver in the list.
     pub solver: usize,
+    /// Its name.
+    pub name: String,
+    /// Its substeps, if they can be chosen.
+    pub substeps: Option<usize>,
     /// Whether it stands still.
     pub paused: bool,
     /// Whether joints without a policy hold the rest pose.
@@ -81,16 +64,28 @@ pub struct Shown {
 }
 
 impl World {
-    /// A world that begins with the first of `settings`.
+    /// What is chosen in a menu.
+    ///
+    /// # Errors
+    /// If it cannot be made.
+    pub fn of(mut menu: Menu) -> Result<Self> {
+        let Made { title, act, settings } = menu.make()?;
+        Ok(Self { menu, ..Self::new(&title, act, settings)? })
+    }
+
+    /// A world without a menu that begins with the first of `settings`.
     ///
     /// # Errors
     /// If that solver cannot be made.
-    pub fn new(mut act: Act, settings: Vec<Setting>) -> Result<Self> {
-        let simulation = act.simulation();
+    pub fn new(title: &str, mut act: Act, settings: Vec<Setting>) -> Result<Self> {
+        let simulation = act.simulation_mut();
         let system = simulation.batch.system.clone();
         let Some(first) = settings.first() else { bail!("no solver is named") };
         simulation.solver = first.solver(&system)?;
         Ok(Self {
+            title: title.into(),
+            menu: Menu { envs: simulation.batch.len(), ..Menu::default() },
+            number: 0,
             start: simulation.batch.states.clone(),
             settings,
             solver: 0,
@@ -98,10 +93,11 @@ impl World {
             ghost: None,
             gaps: Gaps::new(&system),
             controller: Controller::new(&system),
+            sticks: Vec::new(),
             system,
             hold: true,
             paused: false,
-            pull: None,
+            hand: None,
             frame: 0,
             cost: [0.0; 2],
             trouble: String::new(),
@@ -109,18 +105,39 @@ impl World {
         })
     }
 
+    /// Its robot.
+    pub fn system(&self) -> &Arc<System> {
+        &self.system
+    }
+
+    /// What is on show, in a line.
+    pub fn title(&self) -> &str {
+        &self.title
+    }
+
+    /// How many worlds were on show before.
+    pub fn number(&self) -> usize {
+        self.number
+    }
+
     /// Seconds from one look to the next: a frame, or a policy's step.
     pub fn pace(&self) -> f64 {
         self.act.seconds()
     }
 
-    /// What the page begins with: robot and scene for the painter, names of the solvers, friction and gravity (m/s^2).
-    pub fn page(&mut self, title: &str) -> serde_json::Value {
-        let pace = self.pace();
-        let solvers: Vec<_> = self.settings.iter().map(ToString::to_string).collect();
+    /// What the page begins with: robot and scene for the painter, what can be chosen, friction and gravity (m/s^2).
+    pub fn page(&mut self) -> serde_json::Value {
         let batch = &self.act.simulation().batch;
-        let (friction, gravity) = (batch.system.spec.material.friction, batch.scenes[0].gravity.norm());
-        serde_json::json!({ "robot": Replay::new(title, batch, pace), "solvers": solvers, "friction": friction, "gravity": gravity })
+        let robot = Replay::new(&self.title, batch, self.pace());
+        let many = batch.len() > 1;
+        self.sticks = if many { Stick::all(&robot.shapes) } else { Vec::new() };
+        let solvers: Vec<_> = self.settings.iter().map(Setting::series).collect();
+        let solvers =
+            solvers.iter().zip(&self.settings).map(|(series, own)| own.substeps().map_or(own.to_string(), |_| series.to_string()));
+        serde_json::json!({
+            "robot": robot, "sticks": self.sticks, "solvers": solvers.collect::<Vec<_>>(), "menu": self.menu, "number": self.number,
+            "friction": batch.system.spec.material.friction, "gravity": batch.scenes[0].gravity.norm(),
+        })
     }
 
     /// Whether it stands still.
@@ -132,17 +149,23 @@ impl World {
     pub fn answer(&mut self, ask: Ask) {
         self.trouble.clear();
         let mut done = Ok(());
+        let menu = self.menu.clone();
         match ask {
             Ask::Pause { to } => self.paused = to,
             Ask::Step {} => self.step(),
             Ask::Reset {} => done = self.reset(),
             Ask::Solver { to } => done = self.swap(to),
+            Ask::Substeps { to } => done = self.divide(to),
             Ask::Ghost { to } => done = self.haunt(to),
             Ask::Hold { to } => self.hold = to,
             Ask::Friction { to } => done = self.rub(to),
             Ask::Gravity { to } => self.weigh(to),
-            Ask::Drag { link, local, target } => done = self.grasp(link, local.into(), target.into()),
-            Ask::Release {} => self.pull = None,
+            Ask::Drag { link, local, target } => done = self.grasp(Hand { link, local: local.into(), target: target.into() }),
+            Ask::Release {} => self.hand = None,
+            Ask::Robot { to } => done = self.choose(Menu { robot: to, scene: None, policy: 0, ..menu }),
+            Ask::Scene { to } => done = self.choose(Menu { scene: Some(to), policy: 0, ..menu }),
+            Ask::Policy { to } => done = self.choose(Menu { policy: to, ..menu }),
+            Ask::Envs { to } => done = self.choose(Menu { envs: to, ..menu }),
         }
         if let Err(error) = done {
             self.trouble = format!("{error:#}");
@@ -157,89 +180,63 @@ impl World {
     }
 
     fn advance(&mut self) -> Result<(), StepError> {
-        let pulled = self.pulled();
+        let dt = self.act.seconds();
+        let impulse = self.hand.and_then(|hand| hand.pull(&mut self.act.simulation_mut().batch, dt));
         let began = Instant::now();
-        let torques = match &mut self.act {
-            Act::Alone(simulation) => {
-                let mut torques = vec![0.0; simulation.batch.system.robot.joint_count()];
-                if self.hold {
-                    let rest = vec![0.0; torques.len()];
-                    self.controller.torques(simulation.batch.state(0), &rest, &mut torques);
-                }
-                simulation.step(&torques)?;
-                torques
-            }
-            Act::Policy(played) => {
-                let (episodes, running, actor) = &mut **played;
-                let actions = actor.mean(&running.stack.rows);
-                let (_, ended) = running.step(episodes, &actions, &mut Vec::new())?;
-                let torques = episodes.trace().torques;
-                if !ended.is_empty() {
-                    if let Some(ghost) = &mut self.ghost {
-                        ghost.reset(0, episodes.simulation.batch.state(0));
-                    }
-                    self.frame = 0;
-                    return Ok(());
-                }
-                torques
-            }
-        };
+        let (torques, ended) = self.act.step(self.hold.then_some(&mut self.controller))?;
         self.cost[0] = 1e6 * began.elapsed().as_secs_f64();
-        self.frame += 1;
+        self.frame = if ended { 0 } else { self.frame + 1 };
         let Some(ghost) = &mut self.ghost else { return Ok(()) };
-        if let (Some(impulse), Some((link, local, _))) = (pulled, self.pull) {
-            push(&mut ghost.batch, link, local, |_, _, _| impulse);
+        if ended {
+            ghost.reset(0, self.act.simulation().batch.state(0));
+            return Ok(());
+        }
+        if let (Some(impulse), Some(hand)) = (impulse, self.hand) {
+            hand.push(&mut ghost.batch, |_, _, _| impulse);
         }
         let began = Instant::now();
-        let joints = ghost.batch.system.robot.joint_count().max(1);
-        if torques.is_empty() {
+        let joints = ghost.batch.system.robot.joint_count();
+        if joints == 0 {
             ghost.step(&[])?;
         }
-        torques.chunks_exact(joints).try_for_each(|torques| ghost.step(torques))?;
+        torques.chunks_exact(joints.max(1)).try_for_each(|torques| ghost.step(torques))?;
         self.cost[1] = 1e6 * began.elapsed().as_secs_f64();
         Ok(())
     }
 
-    /// The hand's push at the robot before the frame; its impulse (N s), so that the ghost feels the same.
-    fn pulled(&mut self) -> Option<Vector3<f64>> {
-        let ((link, local, target), dt) = (self.pull?, self.act.seconds());
-        let mass: f64 = self.system.robot.links.iter().map(|l| l.inertia.mass).sum();
-        // p = dt m (k (target - x - dt v') - c v') with v' = v + G p, for p.
-        let (spring, damper) = (dt * mass * PULL, dt * mass * (PULL * dt + 2.0 * PULL.sqrt()));
-        let hand = |place: Vector3<f64>, speed: Vector3<f64>, gives: Matrix3<f64>| {
-            let lhs = Matrix3::identity() + gives * damper;
-            lhs.lu().solve(&((target - place) * spring - speed * damper)).unwrap_or_default()
-        };
-        push(&mut self.act.simulation().batch, link, local, hand)
-    }
-
     fn reset(&mut self) -> Result<()> {
-        match &mut self.act {
-            Act::Alone(simulation) => simulation.reset(0, &self.start),
-            Act::Policy(played) => {
-                let (episodes, running, actor) = &mut **played;
-                episodes.begin(0)?;
-                *running = Running::new(episodes, actor.policy.shape.stack);
-            }
-        }
-        (self.frame, self.pull) = (0, None);
+        self.act.reset(&self.start)?;
+        (self.frame, self.hand) = (0, None);
         self.haunt(self.ghost.is_some())
     }
 
     fn swap(&mut self, to: usize) -> Result<()> {
         let Some(setting) = self.settings.get(to) else { bail!("there is no solver {to}; there are {}", self.settings.len()) };
         let solver = setting.solver(&self.system)?;
-        let simulation = self.act.simulation();
+        let simulation = self.act.simulation_mut();
         (simulation.solver, self.solver) = (solver, to);
         simulation.batch.forces.clear();
         Ok(())
+    }
+
+    fn divide(&mut self, substeps: usize) -> Result<()> {
+        let setting = match &self.settings[self.solver] {
+            Setting::Implicit(_) => Setting::Implicit(substeps),
+            Setting::RapierSteps(_) => Setting::RapierSteps(substeps),
+            other => bail!("{other} has substeps of its own; choose another solver"),
+        };
+        self.settings[self.solver] = setting;
+        self.swap(self.solver)
     }
 
     fn haunt(&mut self, to: bool) -> Result<()> {
         self.ghost = None;
         if to {
             let solver = self.truth.solver(&self.system)?;
-            let batch = Batch { forces: Vec::new(), ..self.act.simulation().batch.clone() };
+            let all = &self.act.simulation().batch;
+            let mut batch = Batch::new(&all.system, &all.scenes[0], 1);
+            batch.reset(0, all.state(0));
+            batch.drives = all.driven(0).to_vec();
             self.ghost = Some(Simulation { batch, solver });
         }
         Ok(())
@@ -248,75 +245,70 @@ impl World {
     fn rub(&mut self, friction: f64) -> Result<()> {
         // What solvers have prepared is of the old friction.
         let solvers = [self.settings[self.solver].solver(&self.system)?, self.truth.solver(&self.system)?];
-        let simulations = [Some(self.act.simulation()), self.ghost.as_mut()];
+        let simulations = [Some(self.act.simulation_mut()), self.ghost.as_mut()];
         for (simulation, solver) in simulations.into_iter().zip(solvers).filter_map(|(simulation, solver)| Some((simulation?, solver))) {
-            let batch = &mut simulation.batch;
-            let (mut system, mut scene) = ((*batch.system).clone(), (*batch.scenes[0]).clone());
+            let mut system = (*simulation.batch.system).clone();
             system.spec.material.friction = friction;
-            scene.colliders.iter_mut().for_each(|body| body.material.friction = friction);
-            (batch.system, batch.scenes[0], simulation.solver) = (system.into(), scene.into(), solver);
+            (simulation.batch.system, simulation.solver) = (system.into(), solver);
+            alter(&mut simulation.batch, |scene| scene.colliders.iter_mut().for_each(|body| body.material.friction = friction));
         }
         Ok(())
     }
 
     fn weigh(&mut self, gravity: f64) {
         let ghost = self.ghost.as_mut().map(|ghost| &mut ghost.batch);
-        for batch in [Some(&mut self.act.simulation().batch), ghost].into_iter().flatten() {
-            let mut scene = (*batch.scenes[0]).clone();
-            let down = scene.gravity.try_normalize(0.0).unwrap_or(-Vector3::z());
-            scene.gravity = down * gravity.max(1e-9);
-            batch.scenes[0] = scene.into();
+        for batch in [Some(&mut self.act.simulation_mut().batch), ghost].into_iter().flatten() {
+            alter(batch, |scene| scene.gravity = scene.gravity.try_normalize(0.0).unwrap_or(-Vector3::z()) * gravity.max(1e-9));
         }
     }
 
-    fn grasp(&mut self, link: usize, local: Vector3<f64>, target: Vector3<f64>) -> Result<()> {
-        let links = self.act.simulation().batch.system.robot.links.len();
-        if link >= links {
-            bail!("there is no link {link}; the robot has {links}");
+    fn grasp(&mut self, hand: Hand) -> Result<()> {
+        let links = self.system.robot.links.len();
+        if hand.link >= links {
+            bail!("there is no link {}; the robot has {links}", hand.link);
         }
-        self.pull = Some((link, local, target));
+        self.hand = Some(hand);
         Ok(())
     }
 
+    fn choose(&mut self, menu: Menu) -> Result<()> {
+        *self = Self { number: self.number + 1, ..Self::of(menu)? };
+        Ok(())
+    }
+
+    /// The lines of all environments but the first, for the page.
+    pub fn crowd(&self) -> Vec<u8> {
+        ends(&self.act.simulation().batch, &self.sticks)
+    }
+
     /// As it is now.
-    pub fn shown(&mut self) -> Shown {
-        let now = self.act.simulation().batch.states.clone();
+    pub fn shown(&self) -> Shown {
+        let batch = &self.act.simulation().batch;
         let apart = self.ghost.as_ref().map(|ghost| {
-            let mut gaps = vec![0.0; quantities(&ghost.batch.system).len()];
-            self.gaps.between(&now, ghost.batch.state(0), &mut gaps);
+            let mut gaps = vec![0.0; quantities(&self.system).len()];
+            self.gaps.between(batch.state(0), ghost.batch.state(0), &mut gaps);
             mean(&gaps)
         });
-        let batch = &self.act.simulation().batch;
         let tracks = std::iter::once(batch).chain(self.ghost.as_ref().map(|ghost| &ghost.batch)).map(poses).collect();
-        let Self { frame, cost, solver, paused, hold, ref trouble, .. } = *self;
-        Shown { frame, tracks, apart, cost, solver, paused, hold, trouble: trouble.clone() }
+        let Self { number, frame, cost, solver, paused, hold, ref trouble, .. } = *self;
+        let (name, substeps) = (self.settings[solver].to_string(), self.settings[solver].substeps());
+        Shown { number, frame, tracks, apart, cost, solver, name, substeps, paused, hold, trouble: trouble.clone() }
     }
 }
 
-/// A place on a link.
-fn fixed(link: usize, local: Vector3<f64>) -> FixedFrame {
-    FixedFrame { name: String::new(), link: Some(link), pose: Isometry3::from_parts(local.into(), Default::default()) }
-}
-
-/// Pushes at a point of a link (m, its axes) with the impulse (N s, world axes) that `hand` says of its place, its velocity and how much velocity
-/// an impulse there gives: velocities change by `M^-1 J^T impulse`, so any solver feels it. None where the mass matrix cannot be solved.
-fn push(
-    batch: &mut Batch,
-    link: usize,
-    local: Vector3<f64>,
-    hand: impl FnOnce(Vector3<f64>, Vector3<f64>, Matrix3<f64>) -> Vector3<f64>,
-) -> Option<Vector3<f64>> {
-    let system = batch.system.clone();
-    let (robot, mut data, frame) = (&system.robot, system.data(), fixed(link, local));
-    let place = robot.pose(batch.state(0), &frame).translation.vector;
-    let (q, qd) = robot.split_mut(batch.state_mut(0));
-    let jacobian: DMatrix<f64> = data.jacobian(robot, q, &frame, Axes::World).rows(3, 3).into_owned();
-    let moves = data.mass_matrix(robot, q).clone().cholesky()?.solve(&jacobian.transpose());
-    let gives: Matrix3<f64> = (&jacobian * &moves).fixed_view::<3, 3>(0, 0).into();
-    let mut velocity = qd.into_local(robot, q);
-    let speed = Vector3::from_iterator(jacobian.row_iter().map(|row| row.iter().zip(velocity.0.iter()).map(|(a, b)| a * b).sum::<f64>()));
-    let impulse = hand(place, speed, gives);
-    velocity.accelerate((moves * impulse).iter(), 1.0);
-    velocity.into_twist(robot, q);
-    Some(impulse)
+/// Alters each scene of a batch once, however many environments share it.
+fn alter(batch: &mut Batch, change: impl Fn(&mut Scene)) {
+    let mut before: Option<[Arc<Scene>; 2]> = None;
+    for scene in &mut batch.scenes {
+        let altered = match &before {
+            Some([old, new]) if Arc::ptr_eq(old, scene) => new.clone(),
+            _ => {
+                let mut new = (**scene).clone();
+                change(&mut new);
+                new.into()
+            }
+        };
+        before = Some([scene.clone(), altered.clone()]);
+        *scene = altered;
+    }
 }

@@ -37,8 +37,9 @@ impl System {
         let stand_ins = robot.links.iter().filter(|_| !spec.mass_matrix_of.is_empty()).map(|l| stand_in(&l.name)).collect();
         let frame_time = spec.seconds();
         let folds = Folds::default();
-        let (motors, drawn) = Default::default();
-        let mut system = Self { name: name.into(), robot, frame_time, spec, source, notes, meshes, base, motors, drawn, stand_ins, folds };
+        let (motors, drawn, file) = Default::default();
+        let mut system =
+            Self { name: name.into(), robot, frame_time, spec, source, notes, meshes, base, motors, file, drawn, stand_ins, folds };
         if system.spec.self_collision {
             let (folds, note) = Folds::new(&system.robot, &hulls, &system.default_state()[..system.robot.nq()]);
             system.folds = folds;

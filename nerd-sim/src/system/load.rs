@@ -51,9 +51,14 @@ impl System {
 
     /// `path` is the robot's file, from which its meshes are found.
     fn read(name: &str, text: &str, spec: Option<&str>, path: Option<&Path>) -> Result<Self, SystemError> {
+        let file = Description::of(text, path).map_err(|e| SystemError::Urdf(name.into(), e))?;
+        let own = (file.urdf.as_ref().into(), path.map(Path::to_path_buf));
+        Ok(Self { file: own, ..Self::of(name, file, spec, path)? })
+    }
+
+    fn of(name: &str, file: Description, spec: Option<&str>, path: Option<&Path>) -> Result<Self, SystemError> {
         let wrong = |e: String| SystemError::spec(name, e);
         let refused = |e| SystemError::Urdf(name.into(), e);
-        let file = Description::of(text, path).map_err(refused)?;
         let text = match (spec, path) {
             (Some(text), _) => text,
             (None, Some(_)) => return Self::derived(name, file, path, Table::new()),

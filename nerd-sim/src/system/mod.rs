@@ -17,6 +17,7 @@ pub(crate) mod start;
 pub(crate) mod truth;
 mod validate;
 pub(crate) mod vary;
+mod visuals;
 
 pub use derive::pose_of;
 pub(crate) use derive::stiffness;
@@ -24,3 +25,4 @@ pub use model::{Source, System, SystemError, TERRAIN};
 pub use spec::*;
 pub use start::Start;
 pub(crate) use validate::MOST_SUBSTEPS;
+pub use visuals::{Geometry, Visual};

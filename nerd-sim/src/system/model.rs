@@ -93,6 +93,8 @@ pub struct System {
     pub base: Vec<Shape>,
     /// What stands between its links and who drives it.
     pub motors: Motors,
+    /// Its URDF, or its MJCF as one, and where the file is: for [`System::visuals`].
+    pub(crate) file: (Arc<str>, Option<PathBuf>),
     /// What was drawn of its numbers, by [`crate::vary::columns`]; empty of a robot as its files have it.
     pub drawn: Vec<f64>,
     /// For each link, the link whose inertia moves in its place in the mass matrix; empty but for a simulator's slip imitated.

@@ -4,7 +4,6 @@
 
 use nalgebra::Point3;
 use nerd_core::dynamics::link_pose;
-use nerd_sim::system::Source;
 
 use super::solids::{Solid, isometry, numbers, rounded, solids, standing};
 use crate::prelude::*;
@@ -28,8 +27,6 @@ pub struct Replay {
     pub ground: Option<Ground>,
     /// Shapes of links and scene.
     pub shapes: Vec<Solid>,
-    /// Links whose origins a rod joins, since not every robot has a shape for each; none of a cable, whose shapes join.
-    pub rods: Vec<[usize; 2]>,
     /// Motions: the first is solid, the others are ghosts.
     pub tracks: Vec<Track>,
     /// Goal by frame, if there is one (m).
@@ -80,15 +77,13 @@ impl Replay {
     pub fn new(title: &str, batch: &Batch, dt: f64) -> Self {
         let (system, scene) = (&batch.system, &batch.scenes[0]);
         let up = if scene.gravity.norm() > 0.0 { -scene.gravity.normalize() } else { nalgebra::Vector3::z() };
-        let links = system.robot.links.iter().enumerate().filter(|_| system.source != Source::Cable);
         Self {
             title: title.into(),
             dt,
             up: up.into(),
             planes: scene.colliders.iter().filter_map(|c| c.plane).map(|p| (p.normal.into(), p.offset)).collect(),
             ground: Ground::of(scene),
-            shapes: solids(system).chain(scene.colliders.iter().filter_map(standing)).collect(),
-            rods: links.filter_map(|(i, link)| Some([link.parent?, i])).collect(),
+            shapes: solids(system).into_iter().chain(scene.colliders.iter().filter_map(standing)).collect(),
             ..Self::default()
         }
     }

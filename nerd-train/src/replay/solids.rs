@@ -4,7 +4,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use nalgebra::{Quaternion, Translation3};
 use nerd_core::robot::ShapeKind;
-use nerd_sim::system::Source;
+use nerd_sim::system::{Geometry, Source};
 
 use crate::prelude::*;
 
@@ -12,6 +12,9 @@ use crate::prelude::*;
 const THICK: f64 = 0.08;
 /// Colour of a cable, all of it (degrees).
 const CABLE: f64 = 20.0;
+
+/// Corners and triangles.
+pub type Surface = (Vec<[f32; 3]>, Vec<[u32; 3]>);
 
 /// A shape on a link, or in the scene.
 #[derive(Clone, Debug, Serialize)]
@@ -22,25 +25,51 @@ pub struct Solid {
     pub hue: f64,
     /// Where on the link, or in the world.
     pub pose: [f32; 7],
-    /// `box`, `sphere`, `cylinder` or `capsule`, along z.
+    /// `box`, `sphere`, `cylinder` or `capsule`, along z, or `hull`.
     pub kind: &'static str,
-    /// Box: half edges; else radius and half length.
+    /// Box, and that around a hull: half edges; else radius and half length.
     pub size: Vec<f64>,
+    /// Of a hull, its corners (m) and triangles, seen from outside against the clock.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hull: Option<Surface>,
 }
 
-/// The links' shapes, or substitutes.
-pub(super) fn solids(system: &System) -> impl Iterator<Item = Solid> {
-    let all = system.robot.links.iter().enumerate().flat_map(|(link, body)| body.shapes.iter().map(move |shape| (link, shape)));
-    all.map(|(link, shape)| {
-        let (kind, size) = match shape.kind {
+impl Solid {
+    fn new(link: Option<usize>, pose: &Isometry3<f64>, kind: &'static str, size: Vec<f64>) -> Self {
+        Self { link, hue: hue(link.unwrap_or_default()), pose: numbers(pose), kind, size, hull: None }
+    }
+
+    fn primitive(link: Option<usize>, pose: &Isometry3<f64>, kind: ShapeKind) -> Self {
+        let (kind, size) = match kind {
             ShapeKind::Sphere { radius } => ("sphere", vec![radius, 0.0]),
-            ShapeKind::Box { half } => ("box", half.iter().copied().collect()),
+            ShapeKind::Box { half } => ("box", half.as_slice().to_vec()),
             ShapeKind::Cylinder { radius, half_length } => ("cylinder", vec![radius, half_length]),
             ShapeKind::Capsule { radius, half_length } => ("capsule", vec![radius, half_length]),
         };
-        Solid { link: Some(link), hue: hue(link), pose: numbers(&shape.pose), kind, size }
-    })
-    .chain(bones(system))
+        Self::new(link, pose, kind, size)
+    }
+}
+
+/// What the links look like, or substitutes.
+pub(super) fn solids(system: &System) -> Vec<Solid> {
+    let mut all: Vec<_> = system
+        .visuals()
+        .into_iter()
+        .map(|own| match own.geometry {
+            Geometry::Shape(kind) => Solid::primitive(own.link, &own.pose, kind),
+            Geometry::Hull(corners, triangles) => {
+                let [low, high] = corners.iter().fold([corners[0]; 2], |[low, high], p| [low.inf(p), high.sup(p)]);
+                let middle = 0.5 * (low + high);
+                let corners = corners.iter().map(|p| (p - middle).data.0[0].map(rounded)).collect();
+                let around =
+                    Solid::new(own.link, &(own.pose * Translation3::from(middle)), "hull", (0.5 * (high - low)).as_slice().to_vec());
+                Solid { hull: Some((corners, triangles)), ..around }
+            }
+        })
+        .collect();
+    let bones = bones(system, &all);
+    all.extend(bones);
+    all
 }
 
 /// The scene's shapes other than planes and meshes.
@@ -48,22 +77,23 @@ pub(super) fn standing(body: &Collider) -> Option<Solid> {
     // Parry's round shapes lie along y.
     let turned = body.pose * UnitQuaternion::from_axis_angle(&Vector3::x_axis(), FRAC_PI_2);
     let shape = &body.shape;
-    let (kind, pose, size) = if let Some(ball) = shape.as_ball() {
-        ("sphere", body.pose, vec![ball.radius, 0.0])
+    let (kind, pose) = if let Some(ball) = shape.as_ball() {
+        (ShapeKind::Sphere { radius: ball.radius }, body.pose)
     } else if let Some(cuboid) = shape.as_cuboid() {
-        ("box", body.pose, vec![cuboid.half_extents.x, cuboid.half_extents.y, cuboid.half_extents.z])
+        let half = cuboid.half_extents;
+        (ShapeKind::Box { half: Vector3::new(half.x, half.y, half.z) }, body.pose)
     } else {
         let cylinder = shape.as_cylinder()?;
-        ("cylinder", turned, vec![cylinder.radius, cylinder.half_height])
+        (ShapeKind::Cylinder { radius: cylinder.radius, half_length: cylinder.half_height }, turned)
     };
-    Some(Solid { link: None, hue: hue(0), pose: numbers(&pose), kind, size })
+    Some(Solid::primitive(None, &pose, kind))
 }
 
-/// Of links whose shapes are meshes or that have none: from their joint to the next ones, and to what they touch with. Where there is
-/// neither, a cube of the link's inertia.
-fn bones(system: &System) -> Vec<Solid> {
+/// Of links that look like nothing: from their joint to the next ones, and to what they touch with. Where there is neither, a cube of the
+/// link's inertia.
+fn bones(system: &System, seen: &[Solid]) -> Vec<Solid> {
     let (robot, cable) = (&system.robot, system.source == Source::Cable);
-    let bare = robot.links.iter().enumerate().filter(|(_, body)| body.shapes.is_empty());
+    let bare = (0..robot.links.len()).filter(|link| seen.iter().all(|solid| solid.link != Some(*link)));
     let ends = |link: usize| {
         let next = robot.links.iter().filter(move |child| child.parent == Some(link));
         let next = next.filter_map(|child| Some(child.joint.as_ref()?.origin().translation.vector));
@@ -81,19 +111,19 @@ fn bones(system: &System) -> Vec<Solid> {
         // A cable is as thick as what it touches with, and of one colour.
         let round = robot.contact_points.iter().find(|p| cable && p.link == link).map(|p| p.radius);
         let (radius, hue) = (round.unwrap_or(THICK * end.norm()), if cable { CABLE } else { hue(link) });
-        Solid { link: Some(link), hue, pose: numbers(&pose), kind: "capsule", size: vec![radius, 0.5 * end.norm()] }
+        Solid { hue, ..Solid::new(Some(link), &pose, "capsule", vec![radius, 0.5 * end.norm()]) }
     };
     let lump = |link: usize| {
         let inertia = &robot.links[link].inertia;
         let half = (0.5 * inertia.inertia.trace() / inertia.mass).sqrt();
-        let pose = numbers(&Isometry3::from_parts(inertia.com.into(), UnitQuaternion::identity()));
-        (inertia.mass > 0.0 && half > 1e-3).then(|| Solid { link: Some(link), hue: hue(link), pose, kind: "box", size: vec![half; 3] })
+        let pose = Isometry3::from_parts(inertia.com.into(), UnitQuaternion::identity());
+        (inertia.mass > 0.0 && half > 1e-3).then(|| Solid::new(Some(link), &pose, "box", vec![half; 3]))
     };
     let of = |link: usize| match &ends(link)[..] {
         [] => lump(link).into_iter().collect(),
         ends => ends.iter().map(|end| bone(link, *end)).collect::<Vec<_>>(),
     };
-    bare.flat_map(|(link, _)| of(link)).collect()
+    bare.flat_map(of).collect()
 }
 
 /// Colour of a link (degrees): those of neighbours are far apart.

@@ -1,6 +1,8 @@
 //! The program as its users call it: what it refuses, what it makes, and what the repository's documents say of it.
 
+mod browser;
 mod campaign;
+mod live;
 mod project;
 mod ranks;
 mod refusals;

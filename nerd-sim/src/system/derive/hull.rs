@@ -65,13 +65,20 @@ pub(crate) fn cover(
     kept
 }
 
+/// Corners and triangles.
+pub(crate) type Surface = (Vec<Vector3<f64>>, Vec<[u32; 3]>);
+
+/// The vertices of the convex hull and its triangles, seen from outside against the clock; none of points in a plane.
+pub(crate) fn faces(points: &[Vector3<f64>]) -> Option<Surface> {
+    let own: Vec<_> = points.iter().map(|v| ParryVector::new(v.x, v.y, v.z)).collect();
+    let (corners, faces) = std::panic::catch_unwind(|| try_convex_hull(&own).ok()).ok().flatten()?;
+    Some((corners.iter().map(|p| Vector3::new(p.x, p.y, p.z)).collect(), faces))
+}
+
 /// The vertices of the convex hull, and for each the direction in the midst of its faces; where there is none, since the points lie in a plane,
 /// all of them and no direction.
 pub(crate) fn hull(points: &[Vector3<f64>]) -> (Vec<Vector3<f64>>, Vec<Vector3<f64>>) {
-    let own: Vec<_> = points.iter().map(|v| ParryVector::new(v.x, v.y, v.z)).collect();
-    let made = std::panic::catch_unwind(|| try_convex_hull(&own).ok()).ok().flatten();
-    let Some((corners, faces)) = made else { return (points.to_vec(), Vec::new()) };
-    let corners: Vec<Vector3<f64>> = corners.iter().map(|p| Vector3::new(p.x, p.y, p.z)).collect();
+    let Some((corners, faces)) = faces(points) else { return (points.to_vec(), Vec::new()) };
     let mut outward = vec![Vector3::zeros(); corners.len()];
     for face in faces {
         let [a, b, c] = face.map(|k| corners[k as usize]);

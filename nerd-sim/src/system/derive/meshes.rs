@@ -5,7 +5,7 @@
 //! folders above the URDF, as `NAME/PATH`, as `PATH` in one that is called NAME, and as `PATH`; then in those of the environment's
 //! `ROS_PACKAGE_PATH`. Every other path begins at the URDF. What cannot be read is passed over, and a note says why.
 
-use nerd_core::robot::{Hull, MeshFile};
+use nerd_core::robot::Hull;
 use serde::de::IgnoredAny;
 use serde_ply::PlyReader;
 
@@ -26,7 +26,7 @@ pub fn touch(read: &mut UrdfRobot, path: Option<&Path>, points: usize) {
     let path = std::fs::canonicalize(path).unwrap_or_else(|_| path.into());
     let UrdfRobot { robot, notes, meshes, hulls, .. } = read;
     let mut pools = BTreeMap::<usize, Vec<Vector3<f64>>>::new();
-    meshes.retain(|mesh| match vertices(mesh, &path) {
+    meshes.retain(|mesh| match vertices(&mesh.file, &mesh.scale, &path) {
         Ok(vertices) => {
             let place = |v: Vector3<f64>| mesh.pose.transform_point(&v.into()).coords;
             let hull: Arc<[_]> = hull(&vertices).0.into_iter().map(place).collect();
@@ -47,17 +47,17 @@ pub fn touch(read: &mut UrdfRobot, path: Option<&Path>, points: usize) {
     }
 }
 
-/// The vertices of a mesh in its own frame (m).
-fn vertices(mesh: &MeshFile, urdf: &Path) -> Result<Vec<Vector3<f64>>, String> {
-    if !mesh.scale.iter().all(|x| (1e-9..1e9).contains(&x.abs())) {
+/// The vertices of a mesh that a URDF names, in its own frame (m); lengths are multiplied along its axes.
+pub(crate) fn vertices(file: &str, scale: &Vector3<f64>, urdf: &Path) -> Result<Vec<Vector3<f64>>, String> {
+    if !scale.iter().all(|x| (1e-9..1e9).contains(&x.abs())) {
         return Err("has no usable scale".into());
     }
-    let path = find(&mesh.file, urdf).ok_or("is not there")?;
+    let path = find(file, urdf).ok_or("is not there")?;
     let bytes = bytes_of(&path)?;
     // An unforeseen file ends in a line, too.
     let read = std::panic::catch_unwind(|| load(bytes, &path)).map_err(|_| "cannot be read".to_string())?;
     let read = read.map_err(|e| e.split_whitespace().collect::<Vec<_>>().join(" "))?;
-    let all: Vec<Vector3<f64>> = read.into_iter().map(|v| v.component_mul(&mesh.scale)).collect();
+    let all: Vec<Vector3<f64>> = read.into_iter().map(|v| v.component_mul(scale)).collect();
     match all.iter().all(|v| v.iter().all(|x| x.abs() < 1e6)) {
         true if all.is_empty() => Err("has no vertex".into()),
         true if all.iter().all(|v| v == &all[0]) => Err("has no size".into()),

@@ -20,8 +20,10 @@ mod stance;
 mod wheel;
 
 pub(crate) use guess::{derived, floats, rotor, stiffness};
+#[cfg(feature = "meshes")]
+pub(crate) use hull::{faces, few};
 pub(crate) use limits::stiffen;
 #[cfg(feature = "meshes")]
-pub(crate) use meshes::touch;
+pub(crate) use meshes::{touch, vertices};
 pub(crate) use plain::{between, listed, plain, rounded};
 pub use srdf::pose_of;

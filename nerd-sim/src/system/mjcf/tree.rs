@@ -215,11 +215,13 @@ impl<'a> Tree<'a> {
             let com = numbers(com.as_slice());
             _ = write!(self.urdf, "<inertial><origin xyz=\"{com}\"/><mass value=\"{mass}\"/><inertia{moments}/></inertial>");
         }
-        for geom in body.geoms.iter().filter(|geom| touches(geom, model) && geom.type_ != GeomType::Plane) {
+        for geom in body.geoms.iter().filter(|geom| geom.type_ != GeomType::Plane) {
+            let kind = if touches(geom, model) { "collision" } else { "visual" };
             match geometry(geom, model) {
                 Some((geometry, pose)) => {
-                    _ = write!(self.urdf, "<collision>{}<geometry>{geometry}</geometry></collision>", origin(&(from * pose)));
+                    _ = write!(self.urdf, "<{kind}>{}<geometry>{geometry}</geometry></{kind}>", origin(&(from * pose)));
                 }
+                None if kind == "visual" => {}
                 None => self
                     .notes
                     .push(format!("link `{name}`: nothing touches its geom of type {}", format!("{:?}", geom.type_).to_lowercase())),
@@ -248,7 +250,7 @@ pub(super) fn touches(geom: &Geom, model: &Model) -> bool {
     geom.contype != 0 || geom.conaffinity != 0 || geom.name.as_ref().is_some_and(paired)
 }
 
-/// The geometry of a URDF's collision, and where it is on its body.
+/// The geometry of a URDF's collision or visual, and where it is on its body.
 fn geometry(geom: &Geom, model: &Model) -> Option<(String, Isometry3<f64>)> {
     let pose = placed(geom).0;
     if geom.type_ == GeomType::Mesh {

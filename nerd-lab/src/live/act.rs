@@ -1,0 +1,80 @@
+//! Who gives the torques.
+
+use nerd_tasks::Episodes;
+use nerd_train::ppo::{Actor, Running};
+
+use crate::prelude::*;
+
+/// Who gives the torques, and what they move.
+pub enum Act {
+    /// Nobody, or the robot's own law towards its rest pose.
+    Alone(Simulation),
+    /// A policy in its task.
+    Policy(Box<(Episodes, Running, Actor)>),
+}
+
+impl Act {
+    pub(super) fn simulation(&self) -> &Simulation {
+        match self {
+            Self::Alone(simulation) => simulation,
+            Self::Policy(played) => &played.0.simulation,
+        }
+    }
+
+    pub(super) fn simulation_mut(&mut self) -> &mut Simulation {
+        match self {
+            Self::Alone(simulation) => simulation,
+            Self::Policy(played) => &mut played.0.simulation,
+        }
+    }
+
+    /// Seconds of a step.
+    pub(super) fn seconds(&self) -> f64 {
+        let frames = if let Self::Policy(played) = self { played.0.task.frames() } else { 1 };
+        self.simulation().batch.system.frame_time * frames as f64
+    }
+
+    /// One step, for which `law` moves a robot alone: torques of the first environment `[frame][joint]`, and whether its episode ended.
+    pub(super) fn step(&mut self, law: Option<&mut Controller>) -> Result<(Vec<f64>, bool), StepError> {
+        let joints = self.simulation().batch.system.robot.joint_count();
+        match self {
+            Self::Alone(simulation) => {
+                let (n, rest) = (simulation.batch.len(), vec![0.0; joints]);
+                let mut torques = vec![0.0; n * joints];
+                if let (Some(law), true) = (law, joints > 0) {
+                    torques
+                        .chunks_exact_mut(joints)
+                        .enumerate()
+                        .for_each(|(env, own)| law.torques(simulation.batch.state(env), &rest, own));
+                }
+                simulation.step(&torques)?;
+                torques.truncate(joints);
+                Ok((torques, false))
+            }
+            Self::Policy(played) => {
+                let (episodes, running, actor) = &mut **played;
+                let actions = actor.mean(&running.stack.rows);
+                let (_, ended) = running.step(episodes, &actions, &mut Vec::new())?;
+                let (torques, width) = (episodes.trace().torques, joints * episodes.len());
+                let first = torques.chunks_exact(width.max(1)).flat_map(|frame| &frame[..joints]).copied().collect();
+                Ok((first, ended.iter().any(|ended| ended.env == 0)))
+            }
+        }
+    }
+
+    /// Back to the start; of a policy, the next episodes.
+    pub(super) fn reset(&mut self, start: &[f64]) -> Result<(), StepError> {
+        match self {
+            Self::Alone(simulation) => {
+                let width = simulation.batch.system.robot.state_dim();
+                start.chunks_exact(width).enumerate().for_each(|(env, state)| simulation.reset(env, state));
+            }
+            Self::Policy(played) => {
+                let (episodes, running, actor) = &mut **played;
+                (0..episodes.len()).try_for_each(|env| episodes.begin(env))?;
+                *running = Running::new(episodes, actor.policy.shape.stack);
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,58 @@
+//! A hand that pulls at a link.
+
+use nalgebra::{DMatrix, Matrix3};
+use nerd_core::{dynamics::Axes, robot::FixedFrame};
+
+use crate::prelude::*;
+
+/// Stiffness of the hand over the robot's mass (1/s^2); its damping is critical for that mass. It is as strong at the end of a toe, so it is
+/// stepped implicitly.
+const PULL: f64 = 60.0;
+
+/// A spring from a point of a link to a place.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Hand {
+    pub link: usize,
+    /// The point (m, the link's axes).
+    pub local: Vector3<f64>,
+    /// The place (m, world).
+    pub target: Vector3<f64>,
+}
+
+impl Hand {
+    /// Its push at the first robot of a batch before so many seconds: the impulse (N s). None where the mass matrix cannot be solved.
+    pub fn pull(&self, batch: &mut Batch, dt: f64) -> Option<Vector3<f64>> {
+        let mass: f64 = batch.system.robot.links.iter().map(|l| l.inertia.mass).sum();
+        // p = dt m (k (target - x - dt v') - c v') with v' = v + G p, for p.
+        let (spring, damper) = (dt * mass * PULL, dt * mass * (PULL * dt + 2.0 * PULL.sqrt()));
+        self.push(batch, |place, speed, gives| {
+            let lhs = Matrix3::identity() + gives * damper;
+            lhs.lu().solve(&((self.target - place) * spring - speed * damper)).unwrap_or_default()
+        })
+    }
+
+    /// Pushes with the impulse (N s, world axes) that `law` says of the point's place, its velocity and how much velocity an impulse there
+    /// gives: velocities change by `M^-1 J^T impulse`, so any solver feels it.
+    pub fn push(
+        &self,
+        batch: &mut Batch,
+        law: impl FnOnce(Vector3<f64>, Vector3<f64>, Matrix3<f64>) -> Vector3<f64>,
+    ) -> Option<Vector3<f64>> {
+        let system = batch.system.clone();
+        let (robot, mut data) = (&system.robot, system.data());
+        let pose = Isometry3::from_parts(self.local.into(), Default::default());
+        let frame = FixedFrame { name: String::new(), link: Some(self.link), pose };
+        let place = robot.pose(batch.state(0), &frame).translation.vector;
+        let (q, qd) = robot.split_mut(batch.state_mut(0));
+        let jacobian: DMatrix<f64> = data.jacobian(robot, q, &frame, Axes::World).rows(3, 3).into_owned();
+        let moves = data.mass_matrix(robot, q).clone().cholesky()?.solve(&jacobian.transpose());
+        let gives: Matrix3<f64> = (&jacobian * &moves).fixed_view::<3, 3>(0, 0).into();
+        let mut velocity = qd.into_local(robot, q);
+        let speed =
+            Vector3::from_iterator(jacobian.row_iter().map(|row| row.iter().zip(velocity.0.iter()).map(|(a, b)| a * b).sum::<f64>()));
+        let impulse = law(place, speed, gives);
+        velocity.accelerate((moves * impulse).iter(), 1.0);
+        velocity.into_twist(robot, q);
+        Some(impulse)
+    }
+}
