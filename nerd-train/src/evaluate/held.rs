@@ -2,13 +2,12 @@
 
 use nerd_sim::drive::{Drive, holding, specified};
 
-use super::{Action, PassiveConfig};
 use crate::prelude::*;
 
 /// Time from one target to the next (s).
 const PERIOD: f64 = 0.02;
 
-/// Targets of [`Action::Held`].
+/// Targets by frame and start.
 pub struct Held {
     /// Of one environment, at the default pose.
     pub rest: Vec<Drive>,
@@ -19,18 +18,17 @@ pub struct Held {
 }
 
 impl Held {
-    /// Of all starts of a protocol; none if it drives joints otherwise.
-    pub fn new(system: &System, config: &PassiveConfig) -> Option<Self> {
-        let Action::Held(size) = config.action else { return None };
+    /// Within `size` (rad or m) of the default pose, for so many starts and frames.
+    pub(super) fn new(system: &System, size: f64, [starts, frames]: [usize; 2], seed: u64) -> Self {
         let mut rest = specified(system);
         if rest.is_empty() {
             rest = holding(system, &system.default_state());
         }
         let every = ((PERIOD / system.frame_time).round() as usize).max(1);
-        let mut streams: Vec<_> = (0..config.starts as u64).map(|env| stream(config.seed.wrapping_add(1), env)).collect();
+        let mut streams: Vec<_> = (0..starts as u64).map(|env| stream(seed.wrapping_add(1), env)).collect();
         let draw = |rng: &mut ChaCha8Rng| rest.iter().map(|_| rng.random_range(-1.0..=1.0) * size).collect();
-        let targets = (0..config.steps.div_ceil(every)).map(|_| streams.iter_mut().map(draw).collect()).collect();
-        Some(Self { rest, every, targets })
+        let targets = (0..frames.div_ceil(every)).map(|_| streams.iter_mut().map(draw).collect()).collect();
+        Self { rest, every, targets }
     }
 
     /// Drives of a number of environments, which take those of the starts in turn.

@@ -56,6 +56,12 @@ impl PassiveConfig {
             _ => Ok(()),
         }
     }
+
+    /// Targets of [`Action::Held`]; none if joints are driven otherwise.
+    pub fn held(&self, system: &System) -> Option<Held> {
+        let Action::Held(size) = self.action else { return None };
+        Some(Held::new(system, size, [self.starts, self.steps], self.seed))
+    }
 }
 
 /// What drives the joints of a rollout.
@@ -121,7 +127,7 @@ pub fn passive(
         }
         _ => Vec::new(),
     };
-    let held = Held::new(system, &config);
+    let held = config.held(system);
     let (action, mut torques) = (vec![0.0; joints], [vec![0.0; n * joints], vec![0.0; n * joints]]);
     for step in 1..=config.steps {
         if let Some(held) = held.as_ref().filter(|held| (step - 1) % held.every == 0) {

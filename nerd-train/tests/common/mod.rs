@@ -19,7 +19,7 @@ pub use nerd_sim::dataset::{GenerateConfig, Recording, record};
 pub use nerd_sim::prelude::*;
 pub use nerd_sim::sampling::normal;
 pub use nerd_train::device::Device;
-pub use nerd_train::evaluate::{Action, Held, PassiveConfig, passive};
+pub use nerd_train::evaluate::{Action, PassiveConfig, passive};
 pub use nerd_train::learner::{
     BurnLearner, CpuLearner, LearnError, Learner, LearnerConfig, LearnerState, Optimizer, Progress, validation_rows,
 };

@@ -46,8 +46,8 @@ fn what_fails_is_counted_and_errs_as_what_stands_still() {
 fn targets_are_of_each_start_and_within_what_is_asked() {
     let system = System::named("anymal").expect("built in");
     let protocol = |action| PassiveConfig { starts: 3, steps: 7, seed: 5, action };
-    assert!(Held::new(&system, &protocol(Action::Limp)).is_none());
-    let held = Held::new(&system, &protocol(Action::Held(0.3))).expect("held");
+    assert!(protocol(Action::Limp).held(&system).is_none());
+    let held = protocol(Action::Held(0.3)).held(&system).expect("held");
     let all: Vec<f64> = held.targets.iter().flatten().flatten().copied().collect();
     assert_eq!((held.every, all.len()), (1, 7 * 3 * 12), "a target a frame of 1/60 s");
     let most = all.iter().fold(0.0f64, |most, x| most.max(x.abs()));

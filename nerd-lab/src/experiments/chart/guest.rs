@@ -8,11 +8,11 @@ use super::plan::Plan;
 use super::shown::{Against, Point};
 use crate::mujoco::{Referee, Scheme};
 use crate::{prelude::*, roll::begun};
-use nerd_train::{cost::powers, evaluate::Held, provenance::card_memory};
+use nerd_train::{cost::powers, provenance::card_memory};
 
 pub(super) fn referee(python: &Path, Plan { system, scene, protocol: config, environments, .. }: &Plan) -> Result<Referee> {
     let begun = begun(system, scene, config.starts, Start::Reset, config.seed);
-    Referee::held(python, &begun, config.steps, Held::new(system, config).as_ref(), *environments)
+    Referee::held(python, &begun, config.steps, config.held(system).as_ref(), *environments)
 }
 
 /// Its settings: integrator, name, substeps.

@@ -8,8 +8,6 @@ use super::shown::{ChartData, Point};
 use crate::experiments::card;
 use crate::prelude::*;
 use nerd_train::cost::timed;
-#[cfg(feature = "cuda")]
-use nerd_train::evaluate::Held;
 
 type Frames = Vec<Vec<f64>>;
 /// Errors, microseconds of a frame of one environment, memory on a GPU (MiB).
@@ -72,7 +70,7 @@ fn each(
     if let Some(n) = plan.environments {
         let Plan { system, scene, protocol, .. } = plan;
         let begun = crate::roll::begun(system, scene, protocol.starts, Start::Reset, protocol.seed);
-        let held = Held::new(system, protocol);
+        let held = protocol.held(system);
         let timed = |precision| card::timed(&begun, setting, precision, [n, protocol.steps], held.as_ref(), compare);
         let one = |(precision, word): &(_, &str)| (format!("{series}{word}"), timed(*precision));
         return card::arithmetics(setting).iter().map(one).collect();
