@@ -10,7 +10,6 @@ pub mod choice;
 pub mod circles;
 pub mod error;
 pub mod experiments;
-pub mod inspect;
 pub mod live;
 pub mod mujoco;
 pub mod page;

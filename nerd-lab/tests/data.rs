@@ -1,66 +1,9 @@
-//! What a data set holds, and what a replay shows.
+//! What a replay shows.
 
-use std::path::Path;
+use std::sync::Arc;
 
-use nerd_lab::inspect::Inspection;
-use nerd_sim::dataset::{GenerateConfig, Manifest, generate, read_shard, sha256_of, write_shard};
 use nerd_sim::prelude::*;
 use nerd_train::replay::{Replay, Solid};
-
-/// Ten trajectories of 30 frames.
-fn data(robot: &str, folder: &Path) -> (Arc<System>, Manifest) {
-    let system = System::named(robot).expect("built in");
-    let config = GenerateConfig { transitions: 300, frames: 30, ..Default::default() };
-    let truth = Truth::default();
-    let manifest = generate(&system, &mut *truth.solver(&system), &truth.name(), &config, folder, &mut |_, _| ()).expect("written");
-    (system, manifest)
-}
-
-#[test]
-fn every_number_of_a_data_set_is_counted_once() {
-    for (robot, columns) in [("pendulum", 41), ("ant", 244)] {
-        let folder = tempfile::tempdir().expect("temporary folder");
-        let (system, manifest) = data(robot, folder.path());
-        let found = Inspection::of(folder.path(), &manifest, &system, 1e3).expect("looked through");
-        let counts = &found.counts;
-        assert_eq!((counts.trajectories, counts.tokens), (10, 300), "{robot}");
-        assert_eq!(found.kinds.iter().map(|kind| kind.columns).sum::<usize>(), columns, "{robot}");
-        let seen = found.kinds.iter().find(|kind| kind.name == "contact depths").expect("of both").count;
-        println!("{robot}: {seen} points are seen, in {} of 300 tokens one touches", counts.touching);
-        assert!(counts.touching <= 300 && counts.touching <= seen && seen > 0, "{counts:?}, {seen} points seen");
-        for kind in &found.kinds {
-            let expected = match kind.name.as_str() {
-                "contact depths" => seen,
-                "contact normals" | "contact points" => 3 * seen,
-                _ => 300,
-            };
-            assert_eq!(kind.count, expected, "{robot}: {kind:?}");
-            assert!(kind.count == 0 || kind.min <= kind.mean && kind.mean <= kind.max, "{robot}: {kind:?}");
-        }
-    }
-}
-
-#[test]
-fn a_trajectory_that_is_not_finite_or_beyond_the_bound_is_left_out_and_counted() {
-    let folder = tempfile::tempdir().expect("temporary folder");
-    let (system, mut manifest) = data("pendulum", folder.path());
-    let path = folder.path().join("shard-00000.safetensors");
-    let (mut recording, header) = read_shard(&path).expect("a shard");
-    let row = recording.states.len() / recording.trajectories;
-    recording.states[2 * row + 5] = f64::NAN;
-    recording.states[7 * row + 3] = 1e300;
-    write_shard(&path, &recording, &header).expect("written");
-    let refused = |manifest: &Manifest, bound: f64, words: &str| {
-        let found = Inspection::of(folder.path(), manifest, &system, bound).expect_err("refused").to_string();
-        assert!(found.contains(words) && found.contains(&folder.path().display().to_string()), "`{found}` does not name {words}");
-    };
-    // As training does, it refuses shards that its manifest was not written for.
-    refused(&manifest, 1e3, "SHA-256");
-    manifest.sha256 = sha256_of([recording.sha256()]);
-    refused(&manifest, 1e305, "--bound 1");
-    let counts = Inspection::of(folder.path(), &manifest, &system, 1e3).expect("looked through").counts;
-    assert_eq!((counts.not_finite, counts.beyond, counts.tokens), (1, 1, 240), "{counts:?}");
-}
 
 const SCENE: &str = "[[scene]]\nname = \"own\"\nplane = { height = 0.0, angles = [0.0, 0.0, 0.0] }\n\
     box = [{ size = [0.4, 0.8, 0.1], at = [0.5, 0.0, 0.05] }]\npeg = [{ radius = 0.02, height = 0.1, at = [0.5, 0.1, 0.1] }]";

@@ -8,7 +8,7 @@ use nerd_lab::experiments::passive::{Case, Passive, Protocol, Row, Rows, unworth
 use nerd_lab::experiments::{Entry, Experiment, conduct};
 use nerd_lab::report::manifest::{Entry as Made, Manifest};
 use nerd_lab::report::{Artifact, Inputs, write_json};
-use nerd_lab::{choice::Choice, experiments::chart::Chart, experiments::games::games, experiments::judges::Judges};
+use nerd_lab::{choice::Choice, experiments::chart::Chart, experiments::games::games};
 use nerd_model::{base::Base, pick::Setting, transformer::Storage};
 use nerd_sim::prelude::*;
 use nerd_tasks::named;
@@ -275,32 +275,6 @@ fn the_truths_own_settings_judge_as_the_truth_does() {
         assert_eq!(rewards(&Arena::Judge(Setting::Accurate)), truth, "{task}: preset accurate is the truth");
         assert_ne!(rewards(&Arena::Judge(Setting::Paper)), truth, "{task}: the reference's preset is another judge");
     }
-}
-
-#[test]
-fn every_judge_has_a_column_and_every_policy_a_row() {
-    let folder = tempfile::tempdir().expect("temporary folder");
-    let at = |name: &str| -> PathBuf { folder.path().join(name) };
-    for (name, task) in [("swing", "cartpole-swingup"), ("reach", "franka-reach")] {
-        let (shape, ppo, policy) = policy(task);
-        let solver = Truth::Articulated.name();
-        let config = PolicyConfig { task: task.into(), solver, shape, ppo, iterations: 1, reward: None, provenance: Default::default() };
-        save(&at(name), &config, &policy, "# A card\n").expect("written");
-    }
-    let mut judges = Judges::default();
-    (judges.policy, judges.games) = (vec![at("swing"), at("reach")], 2);
-    let judged = judges.measure().expect("played");
-    let table = &judged.tables[0];
-    assert_eq!(table.header[2..], ["truth", "twice the substeps", "reference preset", "rapier"]);
-    assert_eq!(table.rows.len(), 2, "{table:?}");
-    // Nothing is touched, so RK4 at eight substeps goes where RK4 at four does.
-    for row in judged.data["rows"].as_array().expect("rows") {
-        let [truth, finer] = [0, 1].map(|k| row["judged"][k][1]["mean"].as_f64().expect("a reward"));
-        assert!((finer - truth).abs() < 0.02 * truth.abs(), "{finer} at twice the substeps, {truth} in the truth");
-    }
-    judges.mujoco = Some("/nowhere/python".into());
-    let refused = refusal(judges.measure());
-    assert!(refused.contains("/nowhere/python"), "{refused}");
 }
 
 /// Of a family: who is told errs less than who goes by the files, a model that learned nothing has its rows, and what makes no sense is refused.

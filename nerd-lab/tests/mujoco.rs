@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use nerd_lab::mujoco::player::{self, Gaps};
-use nerd_lab::mujoco::{Mujoco, Referee, Scheme, apart, from_mujoco, to_mujoco};
+use nerd_lab::mujoco::{Referee, Scheme, apart, from_mujoco, to_mujoco};
 use nerd_sim::{mjcf::mjcf, prelude::*};
 use nerd_tasks::named;
 use nerd_train::onnx::export;
@@ -163,41 +163,6 @@ fn a_file_accelerates_as_mujoco_reads_it() {
     for name in ["ant", "anymal", "cube"] {
         let gap = apart(&python, &Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../nerd-sim/assets/{name}.urdf")), 100);
         assert!(*gap.as_ref().expect("read by both") < 1e-9, "{name}: accelerations are {gap:?} from MuJoCo's");
-    }
-}
-
-/// As a solver it is refused in one line where there is none, whether or not the program is there.
-#[test]
-fn without_a_python_that_has_it_mujoco_is_refused_in_one_line() {
-    let (system, scene) = place("ant", "ground");
-    for python in ["/nowhere/python", "/bin/true", "/bin/cat"] {
-        let error = Mujoco::new(Path::new(python), &system, &scene).err().expect("no MuJoCo").to_string();
-        assert!(error.contains("MuJoCo") && !error.contains('\n'), "{python}: `{error}` is not one line that names MuJoCo");
-    }
-}
-
-/// As a solver it is a function of the state alone, and of each environment alone; and it flies as ours does.
-#[test]
-fn mujoco_as_a_solver_has_no_memory() {
-    let Some(python) = python() else { return };
-    for (robot, name) in [("ant", "ground"), ("cube", "ground"), ("pendulum", "free")] {
-        let (system, scene) = place(robot, name);
-        let solver = || Mujoco::new(&python, &system, &scene).expect("MuJoCo");
-        let mut batch = Batch::new(&system, &scene, 4);
-        (0..4).for_each(|env| batch.reset(env, &start(&system, Start::Reset, &mut stream(9, env as u64))));
-        let torques: Vec<f64> = (0..4 * system.robot.joint_count()).map(|i| (i as f64).sin()).collect();
-        let mut used = solver();
-        for frame in 0..30 {
-            let (mut fresh, mut ours) = (batch.clone(), batch.clone());
-            used.step(&mut batch, &torques).expect("stepped");
-            solver().step(&mut fresh, &torques).expect("stepped");
-            assert_eq!(batch.states, fresh.states, "{robot} on {name}, frame {frame}: it remembers");
-            if name == "free" {
-                Articulated::new(ArticulatedConfig::converged(Friction::Coulomb)).step(&mut ours, &torques).expect("stepped");
-                let apart = ours.states.iter().zip(&batch.states).map(|(a, b)| wrap(a - b).abs()).fold(0.0, f64::max);
-                assert!(apart < 0.05, "{robot}, frame {frame}: MuJoCo is {apart:.1e} away after one frame");
-            }
-        }
     }
 }
 

@@ -34,8 +34,6 @@ pub struct Episodes {
     trace: Option<Trace>,
     /// Where they begin in place of the task's starts, by robot; empty: at those.
     beginnings: Vec<Vec<Beginning>>,
-    /// Whether a start that cannot be stepped is a failure as any other: of copies that look ahead, which begin where they are put.
-    pub(crate) copies: bool,
     /// Whether they go up and down in levels.
     climbs: bool,
 }
@@ -66,7 +64,6 @@ impl Episodes {
             past: Past::for_lag(&system),
             trace: None,
             beginnings: Vec::new(),
-            copies: false,
             climbs: false,
             task,
             simulation,
@@ -159,28 +156,6 @@ impl Episodes {
         Ok(result)
     }
 
-    /// Puts an environment where environment `from` of other episodes of this task is. Its solver forgets what was.
-    ///
-    /// # Panics
-    /// If there is no such environment, or the task is another one.
-    pub fn place(&mut self, env: usize, of: &Self, from: usize) {
-        let (width, theirs) = (self.task.goal_dim(), &of.simulation.batch);
-        self.simulation.reset(env, theirs.state(from));
-        self.simulation.batch.frames[env] = theirs.frames[from];
-        self.simulation.batch.scenes[env] = theirs.scenes[from].clone();
-        self.goals[env * width..][..width].copy_from_slice(&of.goals[from * width..][..width]);
-    }
-
-    /// Makes environment `to` a copy of `from`, with what the solver remembers of it.
-    ///
-    /// # Errors
-    /// As [`Simulation::fork`].
-    pub fn fork(&mut self, from: usize, to: usize) -> Result<(), StepError> {
-        let width = self.task.goal_dim();
-        self.goals.copy_within(from * width..(from + 1) * width, to * width);
-        self.simulation.fork(from, to)
-    }
-
     /// What later steps depend on.
     pub fn snapshot(&self) -> Snapshot {
         let batch = &self.simulation.batch;
@@ -226,17 +201,6 @@ impl Episodes {
             "task `{task}`, environment {env}: its `{method}` gives {} as entry {entry}, or leaves it out",
             numbers[at]
         )))
-    }
-
-    /// What a planner of least squares makes small of where an environment is; empty if its task has none.
-    pub(crate) fn residuals(&mut self, env: usize) -> Vec<f64> {
-        let view = view(&self.simulation.batch, &self.goals, self.task.goal_dim(), env);
-        self.task.slopes().map_or_else(Vec::new, |task| task.residuals(view, &mut self.works[env / CHUNK]))
-    }
-
-    /// Whether where an environment is ends its episode.
-    pub(crate) fn over(&mut self, env: usize) -> bool {
-        self.task.terminated(view(&self.simulation.batch, &self.goals, self.task.goal_dim(), env), &mut self.works[env / CHUNK])
     }
 
     /// After a step's frames.
@@ -286,7 +250,7 @@ impl Episodes {
         if let Err(error) = stepped {
             for fault in error.faults()? {
                 // A start that cannot be stepped would restart for ever.
-                if fault.frame == 0 && !failed[fault.env] && !self.copies {
+                if fault.frame == 0 && !failed[fault.env] {
                     return Err(StepError::Environments(vec![fault]));
                 }
                 failed[fault.env] = true;

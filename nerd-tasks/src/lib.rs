@@ -6,7 +6,6 @@ mod error;
 mod file;
 pub mod formula;
 mod lead_tip;
-pub mod plan;
 mod registry;
 mod snapshot;
 mod step;

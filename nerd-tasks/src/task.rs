@@ -218,12 +218,6 @@ pub trait Slopes: Send + Sync {
     /// Of [`Task::observe`].
     fn observe_back(&self, view: View, work: &mut Work, by: &[f64], slope: &mut [f64]);
 
-    /// What a planner of least squares makes small ([`crate::formula::Formulas::residuals`]), and products of that.
-    fn residuals(&self, view: View, work: &mut Work) -> Vec<f64>;
-
-    /// Of [`Self::residuals`].
-    fn residuals_back(&self, view: View, work: &mut Work, by: &[f64], slope: &mut [f64]);
-
     /// Of [`Task::act`], by the action as it is clamped.
     fn act_back(&self, view: View, action: &[f64], work: &mut Work, by: &[f64], slope: &mut [f64], by_action: &mut [f64]);
 

@@ -2,7 +2,7 @@
 
 pub(crate) use std::path::PathBuf;
 
-pub(crate) use anyhow::{Context, Result, bail};
+pub(crate) use anyhow::{Result, bail};
 pub(crate) use nerd_lab::{choice::Choice, error::unused};
 pub(crate) use nerd_sim::prelude::*;
 pub(crate) use nerd_train::{device::Device, shipped::results};

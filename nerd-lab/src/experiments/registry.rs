@@ -16,10 +16,6 @@ pub struct Entry {
 pub static REGISTRY: &[Entry] = &[
     entry::<super::carried::Carried>("carried", "Policies in MuJoCo by their ONNX and contract alone, beside the truth"),
     entry::<super::family::Family>("family", "Robots of a family beside models that are told or guess them, by the frames seen"),
-    entry::<super::judges::Judges>(
-        "judges",
-        "Policies in solvers that they never trained in: finer steps, rapier, the reference's preset, MuJoCo",
-    ),
     entry::<super::motions::Motions>("motions", "Errors of solvers along motions of a data set's kind that none has seen"),
     entry::<super::policies::Policies>(
         "policies",

@@ -11,8 +11,10 @@ use nerd_train::ppo::{Game, Policy};
 use serde_json::json;
 
 use super::referee::{Python, from_mujoco, to_mujoco};
-use super::solver::SUBSTEPS;
 use crate::prelude::*;
+
+/// Steps of a frame: 1/480 s at sixty frames a second.
+const SUBSTEPS: usize = 8;
 
 const PLAYER: &str = include_str!("player.py");
 

@@ -2,8 +2,7 @@
 
 JSON in, JSON out, a line each: `answer`, or `error`. First line: `mjcf` or the `path` of one, `frame_time` (s), `frames`, `starts` as
 [qpos, qvel]; the answer is MuJoCo's version. Every other line is a setting, an `integrator`, its `substeps` a frame, and whether it is `timed`; the answer is the states
-at frame ends, [frame][start], null once MuJoCo has given one up, and the seconds of the fastest run. Or it is one frame: states `from` which,
-joint `forces`, `substeps`; the answer is states. Or it is states to `accelerate` freely (without contact, limits, dry friction, equalities
+at frame ends, [frame][start], null once MuJoCo has given one up, and the seconds of the fastest run. Or it is states to `accelerate` freely (without contact, limits, dry friction, equalities
 and actuators), velocities kept to columns of the matrix `along`; the answer is qacc, along them. A timed run is one call a start with all frames in it, so that nothing of Python is in its
 time, and must end where the recorded one did.
 """
@@ -47,18 +46,6 @@ def main():
         fine = all(abs(x) < 1e10 for x in values) and not any(data.warning[kind].number for kind in bad)
         return values if fine else None
 
-    def step(asked):
-        """One frame of some environments, each from its own state under its own joint forces."""
-        substeps, states = asked["substeps"], []
-        model.opt.timestep = request["frame_time"] / substeps
-        first = model.nv - len(asked["forces"][0]) if asked["forces"] else 0
-        for start, forces in zip(asked["from"], asked["forces"]):
-            begin(start)
-            data.qfrc_applied[first:] = forces
-            mujoco.mj_step(model, data, nstep=substeps)
-            states.append(state())
-        say(states)
-
     def accelerate(asked):
         import numpy
 
@@ -79,9 +66,6 @@ def main():
         setting = json.loads(line)
         if "accelerate" in setting:
             accelerate(setting)
-            continue
-        if "from" in setting:
-            step(setting)
             continue
         substeps = setting["substeps"]
         model.opt.timestep = request["frame_time"] / substeps

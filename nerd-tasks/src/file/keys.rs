@@ -47,8 +47,6 @@ pub(super) struct Keys {
     /// What may be missed, and its unit [default: 1].
     #[serde(default)]
     pub allowed: Allowed,
-    #[serde(default)]
-    pub residuals: Vec<String>,
 }
 
 impl Keys {

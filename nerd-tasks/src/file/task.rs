@@ -22,13 +22,12 @@ pub struct FileTask {
     goal: Vec<[f64; 2]>,
     place: bool,
     keys: Keys,
-    /// Observation, torques, reward, end, miss and residuals.
+    /// Observation, torques, reward, end and miss.
     observe: Program,
     act: Program,
     reward: Program,
     over: Program,
     miss: Program,
-    residuals: Program,
     remembers: bool,
     levels: Option<(usize, usize)>,
 }
@@ -94,7 +93,6 @@ impl FileTask {
         let reward = read(Part::Reward, "reward", &terms, true)?;
         let over = read(Part::Other, "over", &alone(&keys.over), true)?;
         let miss = read(Part::Other, "miss", &alone(&keys.miss), true)?;
-        let residuals = read(Part::Other, "residuals", &counted(&keys.residuals), false)?;
         let joints = system.robot.joint_count();
         if act.len() != joints {
             return Err(wrong(format!("act: it has {} torques, and `{}` has {joints} joints", act.len(), system.name)));
@@ -102,7 +100,7 @@ impl FileTask {
         if reward.len() == 0 {
             return Err(wrong("reward: it has no term".into()));
         }
-        let remembers = [&observe, &act, &reward, &over, &miss, &residuals].iter().any(|part| part.goals() > goal.len());
+        let remembers = [&observe, &act, &reward, &over, &miss].iter().any(|part| part.goals() > goal.len());
         let about = About {
             name: kept(name),
             robot: kept(robot),
@@ -113,7 +111,7 @@ impl FileTask {
             frames: keys.frames,
         };
         about.check().map_err(wrong)?;
-        Ok(Self { about, system, text: text.into(), goal, place, keys, observe, act, reward, over, miss, residuals, remembers, levels })
+        Ok(Self { about, system, text: text.into(), goal, place, keys, observe, act, reward, over, miss, remembers, levels })
     }
 }
 
@@ -225,10 +223,6 @@ impl Formulas for FileTask {
 
     fn reward<N: Number>(&self, sight: &mut impl Sight<N>, torques: &[N]) -> N {
         self.reward.run(sight, &[], torques)[0]
-    }
-
-    fn residuals<N: Number>(&self, sight: &mut impl Sight<N>) -> Vec<N> {
-        self.residuals.run(sight, &[], &[])
     }
 
     fn miss<N: Number>(&self, sight: &mut impl Sight<N>) -> Option<N> {

@@ -57,12 +57,6 @@ pub trait Formulas: Send + Sync {
     /// Reward for arriving here; `torques` acted in the last frame.
     fn reward<N: Number>(&self, sight: &mut impl Sight<N>, torques: &[N]) -> N;
 
-    /// What a planner of least squares makes small, by the sum of squares: the closer to what is asked for, the smaller. None, and such a
-    /// planner refuses the task.
-    fn residuals<N: Number>(&self, _sight: &mut impl Sight<N>) -> Vec<N> {
-        Vec::new()
-    }
-
     /// How far this is from what is asked for, as [`crate::Task::miss`].
     fn miss<N: Number>(&self, _sight: &mut impl Sight<N>) -> Option<N> {
         None

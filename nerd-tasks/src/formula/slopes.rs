@@ -4,7 +4,7 @@ use nerd_core::tangent::{numbers_back, push, wrenches_back};
 use nerd_sim::prelude::*;
 
 use super::Formulas;
-use super::sight::{Direct, Recorded};
+use super::sight::Recorded;
 use super::sweep::{Ends, sweep};
 use super::tape::{Given, Leaf, Node, Tape, Traced};
 use crate::{Slopes, View, Work};
@@ -95,14 +95,6 @@ impl<F: Formulas> Slopes for F {
             self.observe(sight, &mut out);
             given(&out)
         });
-    }
-
-    fn residuals(&self, view: View, work: &mut Work) -> Vec<f64> {
-        Formulas::residuals(self, &mut Direct::new(view, work))
-    }
-
-    fn residuals_back(&self, view: View, work: &mut Work, by: &[f64], slope: &mut [f64]) {
-        back(view, work, by, (slope, &mut []), |sight| given(&Formulas::residuals(self, sight)));
     }
 
     fn act_back(&self, view: View, action: &[f64], work: &mut Work, by: &[f64], slope: &mut [f64], by_action: &mut [f64]) {

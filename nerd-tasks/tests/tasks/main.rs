@@ -6,7 +6,6 @@ mod episodes;
 mod file;
 mod kernels;
 mod lead;
-mod plan;
 mod rewards;
 mod slopes;
 mod steps;

@@ -31,17 +31,6 @@ fn a_robot_alone_is_shown_as_toml() {
 }
 
 #[test]
-fn data_of_a_cable_ask_for_its_file_unless_it_is_built_in() {
-    let folder = Folder::new();
-    let (out, own) = (folder.path("data"), folder.write("own.toml", text(root().join(LEAD))));
-    done(&format!("dataset --robot {} --transitions 4 --frames 1 --out", own.display()), &[&out]);
-    refused("inspect", &[&out], "PATH/own.toml");
-    std::fs::remove_dir_all(&out).expect("the data");
-    done(&format!("dataset --robot {LEAD} --transitions 4 --frames 1 --out"), &[&out]);
-    done("inspect", &[&out]);
-}
-
-#[test]
 fn a_model_of_rapier_is_measured_against_rapier_alone() {
     const NAME: &str = "rapier 4 steps 4 iterations, own axes";
     let folder = Folder::new();
