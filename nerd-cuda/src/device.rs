@@ -1,6 +1,5 @@
 //! One GPU: context, two streams, compiled kernels.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::{cell::RefCell, collections::HashMap, sync::Arc};
 
 use cudarc::cublas::{CudaBlas, sys as blas};
@@ -28,26 +27,6 @@ pub enum Lane {
 
 /// Blocks of a grid or threads of a block, along x and y.
 pub type Extent = (usize, usize);
-
-static ORDINAL: AtomicUsize = AtomicUsize::new(0);
-
-/// The GPU of this process, counted from 0.
-pub fn ordinal() -> usize {
-    ORDINAL.load(Ordering::Relaxed)
-}
-
-/// Makes the GPU of this number, among those of this machine, that of this process: for one of several, before anything is opened.
-pub fn take(local: usize) -> Result<usize, DeviceError> {
-    present("driver (libcuda)", unsafe { sys::is_culib_present() })?;
-    let ordinal = match CudaContext::device_count().map_err(failed("no usable GPU"))? as usize {
-        // A launcher may show each process its own card alone.
-        1 => 0,
-        count if local < count => local,
-        count => return Err(DeviceError(format!("LOCAL_RANK is {local}, and {count} GPUs are seen: start fewer ranks"))),
-    };
-    ORDINAL.store(ordinal, Ordering::Relaxed);
-    Ok(ordinal)
-}
 
 /// A kernel argument.
 #[derive(Clone, Copy)]
@@ -80,12 +59,12 @@ pub struct Device {
 }
 
 impl Device {
-    /// Opens a GPU, counted from 0, and compiles `source`. It cannot multiply matrices yet: [`Device::with_products`].
-    pub fn open(ordinal: usize, source: &str, kernels: &[&'static str]) -> Result<Self, DeviceError> {
+    /// Opens the first GPU that is seen (`CUDA_VISIBLE_DEVICES` chooses another), and compiles `source`. It cannot multiply matrices yet: [`Device::with_products`].
+    pub fn open(source: &str, kernels: &[&'static str]) -> Result<Self, DeviceError> {
         // cudarc panics when a library is absent, so look first.
         present("driver (libcuda)", unsafe { sys::is_culib_present() })?;
         present("NVRTC (libnvrtc)", unsafe { nvrtc::sys::is_culib_present() })?;
-        let context = CudaContext::new(ordinal).map_err(failed("no usable GPU"))?;
+        let context = CudaContext::new(0).map_err(failed("no usable GPU"))?;
         let queue = || context.new_stream().map(|stream| Queue { stream, blas: None }).map_err(failed("stream"));
         let queues = RefCell::new(Arc::new([queue()?, queue()?]));
         let mut device = Self { context, kernels: HashMap::new(), queues, precision: Precision::default() };
@@ -101,11 +80,6 @@ impl Device {
             self.kernels.insert(name, module.load_function(name).map_err(failed(name))?);
         }
         Ok(())
-    }
-
-    /// Which GPU it is, counted from 0.
-    pub fn ordinal(&self) -> usize {
-        self.context.ordinal()
     }
 
     /// Its compute capability, major and minor.

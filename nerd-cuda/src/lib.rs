@@ -12,14 +12,12 @@ mod graph;
 mod memory;
 mod precision;
 mod products;
-mod sums;
 
 pub use beside::Beside;
 pub use cudarc::driver::CudaEvent as Event;
-pub use device::{Arg, Device, Extent, Lane, ordinal, take};
+pub use device::{Arg, Device, Extent, Lane};
 pub use error::DeviceError;
 pub use graph::Replay;
 pub use memory::Buffer;
 pub use precision::Precision;
 pub use products::{Batch, Op};
-pub use sums::Sums;

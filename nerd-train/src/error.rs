@@ -15,7 +15,7 @@ pub enum Error {
     /// Settings that mean nothing together, or more than there is.
     #[error("{0}")]
     Refused(String),
-    /// What a part says: a robot, a solver, a model, a data set, a learner, other ranks.
+    /// What a part says: a robot, a solver, a model, a data set, a learner.
     #[error(transparent)]
     Part(Box<dyn std::error::Error + Send + Sync>),
 }

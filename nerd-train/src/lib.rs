@@ -21,7 +21,6 @@ mod prelude;
 pub mod prepare;
 pub mod progress;
 pub mod provenance;
-pub mod ranks;
 pub mod records;
 pub mod replay;
 pub mod run;

@@ -54,55 +54,38 @@ pub struct Prepared {
     pub sha256: String,
 }
 
-/// Records `config`'s trajectories in memory and turns them into tokens: each rank its share of the shards, shard k on rank k mod R, and
-/// all are given to all. `solver` makes the truth; `progress` gets the transitions done. The same config gives the same bytes as
+/// Records `config`'s trajectories in memory and turns them into tokens. `solver` makes the truth; `progress` gets the transitions done. The same config gives the same bytes as
 /// [`nerd_sim::dataset::generate`].
 ///
 /// # Errors
-/// If the truth cannot step, or a rank is lost.
+/// If the truth cannot step.
 pub fn generate(
-    ranks: &Ranks,
     system: &Arc<System>,
     solver: &(dyn Fn() -> Box<dyn Solver> + Sync),
     config: &GenerateConfig,
     form: (usize, Form),
     progress: &(dyn Fn(usize) + Sync),
 ) -> Result<Prepared> {
-    let make = |first, count| shard(system, solver, config, first, count, form);
-    let mut mine = recorded(system, config, (ranks.rank(), ranks.world()), progress, make)?;
-    if ranks.world() == 1 {
-        return Ok(joined(mine));
-    }
-    mine.reverse();
-    let mut all = Vec::new();
-    for k in 0..config.trajectories().div_ceil(config.shard_trajectories) {
-        let own = if k % ranks.world() == ranks.rank() { mine.pop() } else { None };
-        let sent =
-            ranks.share(k % ranks.world(), || own.as_ref().map_or_else(Vec::new, |(w, hash)| [&hash[..], &w.to_bytes()].concat()))?;
-        let (hash, windows) = sent.split_first_chunk().unwrap_or((&[0; 32], &[]));
-        all.push(own.map_or_else(|| Ok((Windows::from_bytes(windows)?, *hash)), Ok::<_, RankError>)?);
-    }
-    Ok(joined(all))
+    Ok(joined(recorded(system, config, progress, |first, count| shard(system, solver, config, first, count, form))?))
 }
 
-/// What `make` gives of the first trajectory and the length of every R-th shard from number `rank` on, in order, made in parallel.
+/// What `make` gives of the first trajectory and the length of every shard, in order, made in parallel.
 pub(crate) fn recorded<T: Send>(
     system: &System,
     config: &GenerateConfig,
-    (rank, world): (usize, usize),
     progress: &(dyn Fn(usize) + Sync),
     make: impl Fn(u64, usize) -> Result<T, DatasetError> + Sync,
 ) -> Result<Vec<T>, DatasetError> {
     config.check(system)?;
     let starts = (0..config.trajectories()).step_by(config.shard_trajectories);
-    let mine: Vec<usize> = starts.skip(rank).step_by(world).collect();
+    let starts: Vec<usize> = starts.collect();
     let shard = |&first: &usize| {
         let count = config.shard_trajectories.min(config.trajectories() - first);
         let done = make(first as u64, count)?;
         progress(count * config.frames);
         Ok(done)
     };
-    mine.par_iter().map(shard).collect()
+    starts.par_iter().map(shard).collect()
 }
 
 /// Tokens and targets of trajectories `first .. first + count`, and the hash of their recording.

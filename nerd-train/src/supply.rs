@@ -30,42 +30,34 @@ pub struct SupplyConfig {
 /// Fresh shards in order.
 pub struct Supply {
     config: Arc<SupplyConfig>,
-    /// Of this rank's shards thread t makes every T-th.
+    /// Thread t makes every T-th shard.
     threads: Vec<Receiver<Result<Windows, DatasetError>>>,
     slots: u64,
-    /// Of this rank's shards, the next that is taken up.
+    /// The next that is taken up.
     next: u64,
-    /// This rank, and how many there are.
-    ranks: (u64, u64),
 }
 
 impl Supply {
-    /// Starts recording on as many threads as rayon has; they stop when the supply is dropped. Each rank records its share, shard k on
-    /// rank k mod R, and keeps it to itself: what it draws from then on is not what others have, so more ranks see more data.
+    /// Starts recording on as many threads as rayon has; they stop when the supply is dropped.
     ///
     /// # Errors
     /// If the data cannot be made, or are less than a shard; or a thread cannot be started.
-    pub fn new(
-        ranks: &Arc<Ranks>,
-        system: &Arc<System>,
-        solver: impl Fn() -> Box<dyn Solver> + Send + Sync + 'static,
-        config: SupplyConfig,
-    ) -> Result<Self> {
+    pub fn new(system: &Arc<System>, solver: impl Fn() -> Box<dyn Solver> + Send + Sync + 'static, config: SupplyConfig) -> Result<Self> {
         config.data.check(system)?;
         let (trajectories, shard) = (config.data.trajectories(), config.data.shard_trajectories);
         if trajectories < shard {
             return Err(DatasetError::Config(format!("{trajectories} trajectories are less than a shard of {shard}")).into());
         }
-        let (rank, world, threads) = (ranks.rank() as u64, ranks.world() as u64, rayon::current_num_threads() as u64);
+        let threads = rayon::current_num_threads() as u64;
         let (config, solver, slots) = (Arc::new(config), Arc::new(solver), (trajectories / shard) as u64);
-        let mut supply = Self { threads: Vec::new(), slots, next: 0, ranks: (rank, world), config };
+        let mut supply = Self { threads: Vec::new(), slots, next: 0, config };
         // Of what is past only the last of each slot is left.
         let first = supply.wanted(supply.config.step).saturating_sub(slots);
         supply.next = first;
         for thread in 0..threads {
             let (sender, receiver) = sync_channel(1);
             let (system, solver, config) = (system.clone(), solver.clone(), supply.config.clone());
-            let mut k = rank + (first + (thread + threads - first % threads) % threads) * world;
+            let mut k = first + (thread + threads - first % threads) % threads;
             let work = move || {
                 while k < config.shards {
                     let made = make(&system, &*solver, &config, k);
@@ -73,7 +65,7 @@ impl Supply {
                     if sender.send(made).is_err() || failed {
                         return;
                     }
-                    k += threads * world;
+                    k += threads;
                 }
             };
             // A pool of one thread, so that solvers which are parallel by themselves stay on it and out of the run's way.
@@ -98,11 +90,10 @@ impl Supply {
         Some(made.map(|windows| (place, windows)).map_err(Error::from))
     }
 
-    /// Of this rank's shards, those taken up by the time of update `step`.
+    /// Shards taken up by the time of update `step`.
     fn wanted(&self, step: u64) -> u64 {
-        let (SupplyConfig { shards, updates, .. }, (rank, world)) = (&*self.config, self.ranks);
-        let mine = (shards + world - 1 - rank) / world;
-        (u128::from(mine) * u128::from(step) / u128::from((*updates).max(1))) as u64
+        let SupplyConfig { shards, updates, .. } = &*self.config;
+        (u128::from(*shards) * u128::from(step) / u128::from((*updates).max(1))) as u64
     }
 }
 

@@ -54,9 +54,6 @@ enum Line {
 /// Validations beyond the least loss, and how far above it the loss has to be, before a rise is more than noise.
 const RISE: (usize, f32) = (3, 1.02);
 
-/// Updates between questions whether the time is over.
-const ASKED: u64 = 32;
-
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outcome {
@@ -77,11 +74,9 @@ pub struct Trainer {
     run: String,
     /// Stops, with a full checkpoint, at the first update that ends so long after [`Trainer::run`] was called.
     pub stop_at: Option<Duration>,
-    /// Rank 0 keeps the record, validates and writes, the others make its updates with it.
-    pub ranks: Arc<Ranks>,
 }
 
-/// What rank 0 keeps of a run.
+/// The record of a run.
 struct Lead {
     metrics: Record,
     bar: Bar,
@@ -95,7 +90,7 @@ struct Lead {
 impl Trainer {
     /// A run in `folder` (which exists) of updates of `batch` windows; `run` is JSON kept in its checkpoints.
     pub fn new(config: TrainerConfig, batch: usize, folder: &Path, run: &str) -> Self {
-        Self { config, batch, folder: folder.into(), run: run.into(), stop_at: None, ranks: Arc::default() }
+        Self { config, batch, folder: folder.into(), run: run.into(), stop_at: None }
     }
 
     /// Trains, on `fresh` data as it comes if there is any, from the learner's step to the configured number of updates or until the time
@@ -107,34 +102,23 @@ impl Trainer {
         let (c, started) = (&self.config, Instant::now());
         c.check().map_err(Error::Refused)?;
         let (mut step, mut over) = (learner.state()?.step, false);
-        let mut lead = if self.ranks.leads() { Some(self.lead(step)?) } else { None };
+        let mut lead = self.lead(step)?;
         while step < c.updates && !over {
             let lr = self.update(learner, &mut fresh, step)?;
             step += 1;
-            over = self.over(started, step)?;
+            over = self.stop_at.is_some_and(|wall| started.elapsed() >= wall);
             if over || due(step, c.log_every, c.updates) {
-                let progress = learner.progress()?;
-                if let Some(lead) = &mut lead {
-                    lead.log(step, progress, lr, self.batch)?;
-                }
+                lead.log(step, learner.progress()?, lr, self.batch)?;
             }
             if due(step, c.validate_every, c.updates) {
-                self.same(learner)?;
-                if let Some(lead) = &mut lead {
-                    self.validate(lead, learner, step, hook)?;
-                }
+                self.validate(&mut lead, learner, step, hook)?;
             }
-            if lead.is_some() && (over || due(step, c.checkpoint_every, c.updates)) {
+            if over || due(step, c.checkpoint_every, c.updates) {
                 checkpoint::save(&checkpoint::last(&self.folder), &learner.state()?, &self.run)?;
             }
         }
-        let best = lead.and_then(|lead| {
-            lead.bar.finish();
-            lead.best
-        });
-        // What the last update was summed through is not taken away before all have it.
-        self.ranks.wait()?;
-        Ok(Outcome { step, finished: step >= c.updates, best })
+        lead.bar.finish();
+        Ok(Outcome { step, finished: step >= c.updates, best: lead.best })
     }
 
     fn lead(&self, first: u64) -> Result<Lead> {
@@ -177,22 +161,6 @@ impl Trainer {
         let lr = self.config.schedule.rate(step, self.config.updates);
         learner.update(lr as f32)?;
         Ok(lr)
-    }
-
-    /// Whether the time is over, by the clock of rank 0; among ranks it is asked seldom, since all wait for the answer.
-    fn over(&self, started: Instant, step: u64) -> Result<bool, RankError> {
-        let asked = self.ranks.world() == 1 || step.is_multiple_of(ASKED);
-        self.stop_at.filter(|_| asked).map_or(Ok(false), |wall| self.ranks.decide(started.elapsed() >= wall))
-    }
-
-    /// Refuses to continue if ranks have different weights, which would go unnoticed.
-    fn same(&self, learner: &mut dyn Learner) -> Result<()> {
-        if self.ranks.world() == 1 {
-            return Ok(());
-        }
-        let state = learner.state()?;
-        let mine = format!("{} at update {}", checkpoint::hash(&state.weights), state.step);
-        Ok(self.ranks.agree("weights", &mine, "ranks need machines, cards and programs of one kind")?)
     }
 
     /// The best weights so far, if there are any of this very run.

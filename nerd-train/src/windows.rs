@@ -4,8 +4,6 @@
 //! is in row `row` of update `step` is a hash of (seed, step, row) alone, the same on every device, so a
 //! resumed run draws what the unbroken one would have drawn.
 
-use crate::ranks::{RankError, bytes, floats};
-
 /// Normalised inputs and targets of many trajectories of equal length.
 #[derive(Clone, Debug, Default)]
 pub struct Windows {
@@ -66,24 +64,6 @@ impl Windows {
 
     fn shape(&self) -> [usize; 4] {
         [self.inputs, self.outputs, self.frames, self.history]
-    }
-
-    /// As they are sent to other ranks: (inputs, outputs, frames, history, numbers of `x`) in 8 bytes each, little endian, `x`, `y`.
-    pub fn to_bytes(&self) -> Vec<u8> {
-        let shape = self.shape().into_iter().chain([self.x.len()]).flat_map(|n| (n as u64).to_le_bytes());
-        [shape.collect(), bytes(&self.x), bytes(&self.y)].concat()
-    }
-
-    /// What [`Windows::to_bytes`] wrote.
-    pub fn from_bytes(sent: &[u8]) -> Result<Self, RankError> {
-        let (shape, numbers) = sent.as_chunks().0.split_at_checked(5).map_or((&[][..], &[][..]), |(shape, _)| (shape, &sent[40..]));
-        let shape: Vec<usize> = shape.iter().map(|n| u64::from_le_bytes(*n) as usize).collect();
-        let numbers = floats(numbers);
-        let [inputs, outputs, frames, history, split] = shape[..] else {
-            return Err(RankError("another rank sent no windows: give all ranks the same command and the same program".into()));
-        };
-        let (x, y) = numbers.split_at(split.min(numbers.len()));
-        Ok(Self { inputs, outputs, frames, history, x: x.to_vec(), y: y.to_vec() })
     }
 
     /// First token of a window, counted in tokens from the start of `x`; its tokens follow one another.

@@ -2,12 +2,12 @@
 //! learn from.
 //!
 //! A shard is written whole or not at all; the same command again keeps existing shards and makes missing ones. `--part 3/8` makes the
-//! third of eight parts, into the same folder as the others (docs/many-gpus.md).
+//! third of eight parts, into the same folder as the others.
 
 use nerd_sim::dataset::Part;
 use nerd_train::run::RecordConfig;
 
-use crate::{options::TRANSITIONS, prelude::*, ranks::alone};
+use crate::{options::TRANSITIONS, prelude::*};
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct DatasetArgs {
@@ -29,7 +29,6 @@ pub struct DatasetArgs {
 }
 
 pub fn run(args: DatasetArgs) -> Result<()> {
-    alone("dataset", "--part shares the work out")?;
     let (system, part) = (System::named(&args.robot)?, args.part);
     nerd_train::progress::notes(&system);
     let config = args.keys.settings()?;

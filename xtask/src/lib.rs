@@ -28,7 +28,6 @@ mod options;
 mod out;
 mod policy;
 mod prelude;
-mod ranks;
 mod refusals;
 mod report;
 mod reproduce;

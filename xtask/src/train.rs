@@ -2,7 +2,7 @@
 
 use nerd_train::run::{Recipe, RunConfig};
 
-use crate::{prelude::*, ranks};
+use crate::prelude::*;
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct TrainArgs {
@@ -25,5 +25,5 @@ pub fn run(args: TrainArgs) -> Result<()> {
         (None, Some(name)) => Recipe::named(name, &given),
         (None, None) => Recipe::plain(&given),
     }?;
-    ranks::run(|ranks| Ok(recipe.train_among(ranks).map(drop)?))
+    Ok(recipe.train().map(drop)?)
 }

@@ -3,7 +3,6 @@
 //! ```text
 //! cargo run --release -p nerd-train --features cuda --example check              all parts
 //! cargo run --release -p nerd-train --features cuda --example check -- PART..    some of them
-//! torchrun --no-python --nproc-per-node 2 target/release/examples/check ranks    several cards
 //! ```
 //!
 //! All checks are made; one that fails ends the program with an error.
@@ -22,7 +21,7 @@ use with::{Checks, Outcome};
 type Part = (&'static str, fn(&mut Checks) -> Outcome);
 
 /// In order.
-const PARTS: [Part; 15] = [
+const PARTS: [Part; 14] = [
     ("operations", inference::operations),
     ("windows", inference::windows),
     ("streams", inference::streams),
@@ -31,7 +30,6 @@ const PARTS: [Part; 15] = [
     ("updates", training::updates),
     ("chains", training::chains),
     ("robots", training::robots),
-    ("ranks", training::ranks),
     ("solvers", solvers::solvers),
     ("predictions", solvers::predictions),
     ("slopes", slopes::slopes),

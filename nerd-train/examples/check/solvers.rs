@@ -139,7 +139,7 @@ pub fn predictions(checks: &mut Checks) -> Outcome {
 
 /// A device whose memory others have, and a robot that no thread has room for.
 fn refused(checks: &mut Checks, ant: &Arc<System>) -> Outcome {
-    let device = nerd_cuda::Device::open(0, "", &[])?;
+    let device = nerd_cuda::Device::open("", &[])?;
     let (mut taken, mut piece) = (Vec::new(), 1usize << 34);
     while piece > 1 << 16 {
         match device.zeros::<u8>(piece) {

@@ -1,10 +1,9 @@
-//! Gradients and updates, of windows and through frames, on one card and on several.
+//! Gradients and updates, of windows and through frames.
 
 use nerd_model::base::Base;
 use nerd_model::chain::{Chain, ChainSolver};
 use nerd_model::features::Features;
 use nerd_train::prepare::{generate, moments};
-use nerd_train::ranks::{Place, Ranks};
 use nerd_train::unroll::chain::{Cable, Loss, scales};
 use nerd_train::unroll::robot::Robot;
 use nerd_train::unroll::{Body, Course, CudaUnrollLearner, Motions, UnrollLearner};
@@ -18,7 +17,7 @@ pub fn gradients(checks: &mut Checks) -> Outcome {
     for (config, huber) in shapes().into_iter().flat_map(|config| [(config, None), (config, Some(0.1))]) {
         let (data, centre) = (Arc::new(windows(2, config, 20, 80.max(config.sequence() + 16))), weights(config));
         let (settings, state) = (LearnerConfig { huber, ..settings(64) }, LearnerState::new(centre.clone()));
-        let mut cuda = CudaLearner::new(&Ranks::default(), settings, Precision::F32, state.clone(), [&data, &data])?;
+        let mut cuda = CudaLearner::new(settings, Precision::F32, state.clone(), [&data, &data])?;
         let mut cpu = CpuLearner::new(settings, state, [data.clone(), data.clone()])?;
         // Those that the device draws for the first update.
         let rows: Vec<u64> = (0..settings.batch as u64).map(|row| draw(settings.seed, 0, row, data.len() as u64)).collect();
@@ -48,7 +47,7 @@ pub fn updates(checks: &mut Checks) -> Outcome {
     for (config, optimizer) in others().into_iter().chain([small]).flat_map(|c| [(c, Optimizer::Adam), (c, Optimizer::Muon)]) {
         let (data, state) = (Arc::new(windows(2, config, 20, 50)), LearnerState::new(weights(config)));
         let (first, settings) = (state.weights.flat.clone(), LearnerConfig { optimizer, ..settings(64) });
-        let cuda = CudaLearner::new(&Ranks::default(), settings, Precision::F32, state.clone(), [&data, &data]);
+        let cuda = CudaLearner::new(settings, Precision::F32, state.clone(), [&data, &data]);
         if (config.architecture, optimizer) == (Architecture::Chain, Optimizer::Muon) {
             checks.demand(cuda.is_err(), "Muon has nothing to do in a chain".into());
             continue;
@@ -59,7 +58,7 @@ pub fn updates(checks: &mut Checks) -> Outcome {
         let off = [share_of_way(&a.weights.flat, &b.weights.flat, &first), share_of_way(&a.average, &b.average, &first)];
         let what = format!("{:?}, {optimizer:?}: weights, averages {off:?} of their way from the CPU's", config.architecture);
         checks.demand(off.iter().all(|off| *off < 0.02), what);
-        let mut taken_up = CudaLearner::new(&Ranks::default(), settings, Precision::F32, a, [&data, &data])?;
+        let mut taken_up = CudaLearner::new(settings, Precision::F32, a, [&data, &data])?;
         (0..20).try_for_each(|_| cuda.update(5e-4).and_then(|()| taken_up.update(5e-4)))?;
         checks
             .demand(cuda.state()? == taken_up.state()?, format!("{:?}, {optimizer:?}: taken up again, the same bits", config.architecture));
@@ -83,7 +82,7 @@ pub fn robots(checks: &mut Checks) -> Outcome {
         let system = System::named(robot)?;
         let (train, inputs) = (motions(&system)?, Features::inputs(&system, base));
         let solver = || -> Box<dyn Solver> { Box::new(Articulated::new(ArticulatedConfig::implicit(4, Friction::Coulomb))) };
-        let windows = generate(&Ranks::default(), &system, &solver, &record(), (1, base.into()), &|_| ())?.windows;
+        let windows = generate(&system, &solver, &record(), (1, base.into()), &|_| ())?.windows;
         let body = Robot::new(&system, base, &moments(&windows), &train);
         let paper = TransformerConfig::paper(inputs, Features::outputs(&system), 48);
         let network = TransformerConfig { layers: 2, heads: 1, block: 1, history: 1, architecture: Architecture::Residual, ..paper };
@@ -104,7 +103,7 @@ fn motions(system: &Arc<System>) -> Outcome<Arc<Motions>> {
 fn unrolled<B: Body>(checks: &mut Checks, system: &Arc<System>, weights: Weights, course: Course<B>) -> Outcome {
     let (config, state) = (LearnerConfig { average: 0.9, ..settings(24) }, LearnerState::new(weights));
     let mut here = UnrollLearner::new(config, state.clone(), course.clone())?;
-    let mut there = CudaUnrollLearner::new(system, config, Precision::F32, state, course, &Ranks::default())?;
+    let mut there = CudaUnrollLearner::new(system, config, Precision::F32, state, course)?;
     for _ in 0..6 {
         here.update(1e-4)?;
         there.update(1e-4)?;
@@ -112,54 +111,6 @@ fn unrolled<B: Body>(checks: &mut Checks, system: &Arc<System>, weights: Weights
         let off = [b.loss / a.loss - 1.0, b.gradient_norm / a.gradient_norm - 1.0].map(f32::abs);
         let what = format!("{}: an update through 8 frames: loss {}, off by {off:?}", system.name, a.loss);
         checks.demand(off[0] < 1e-3 && off[1] < 1e-2, what);
-    }
-    Ok(())
-}
-
-/// Parts of a batch add up to the whole; several cards come to equal weights and the losses of one, but for rounding, which grows: by ten times
-/// more at most than that of a run whose weights began a rounding away.
-pub fn ranks(checks: &mut Checks) -> Outcome {
-    let config = TransformerConfig::paper(37, 4, 192);
-    let (data, settings, first) = (windows(2, config, 200, 100), settings(512), LearnerState::new(weights(config)));
-    let of = |rows| -> Outcome<(f32, Vec<f32>)> {
-        let alone = &Ranks::default();
-        Ok(CudaLearner::new(alone, settings, Precision::F32, first.clone(), [&data, &data])?.of_rows(rows).gradient()?)
-    };
-    let (whole, parts) = (of(0..512)?, [of(0..100)?, of(100..512)?]);
-    let sum: Vec<f32> = parts[0].1.iter().zip(&parts[1].1).map(|(a, b)| a + b).collect();
-    let off = [apart(&sum, &whole.1), ((parts[0].0 + parts[1].0) / whole.0 - 1.0).abs()];
-    checks.demand(off.iter().all(|off| *off < 1e-4), format!("parts of a batch: gradient and loss off by {off:?}"));
-
-    let ranks = Ranks::join(Place::here()?)?;
-    if ranks.world() == 1 {
-        return Ok(());
-    }
-    nerd_cuda::take(ranks.local())?;
-    let run = |ranks: &Ranks, state: &LearnerState| -> Outcome<(Vec<f32>, LearnerState)> {
-        let mut learner = CudaLearner::new(ranks, settings, Precision::F32, state.clone(), [&data, &data])?;
-        let mut losses = Vec::new();
-        for _ in 0..10 {
-            (0..20).try_for_each(|_| learner.update(1e-3))?;
-            losses.push(learner.progress()?.loss);
-        }
-        Ok((losses, learner.state()?))
-    };
-    let (losses, reached) = run(&ranks, &first)?;
-    let bits: Vec<u32> = reached.weights.flat.iter().map(|w| w.to_bits()).collect();
-    ranks.agree("weights", &format!("{bits:x?}"), "they should be the same bits")?;
-    ranks.leave(None);
-    if !ranks.leads() {
-        return Ok(());
-    }
-    let mut near = first.clone();
-    near.weights.flat.iter_mut().for_each(|w| *w *= 1.0 + f32::EPSILON);
-    let (one, moved) = (run(&Ranks::default(), &first)?.0, run(&Ranks::default(), &near)?.0);
-    let mut most = 1e-5f32;
-    for ((loss, one), moved) in losses.iter().zip(&one).zip(&moved) {
-        // What has grown does not shrink.
-        most = most.max(10.0 * (moved / one - 1.0).abs());
-        let off = (loss / one - 1.0).abs();
-        checks.demand(off <= most, format!("{} ranks: loss {loss:.4}, off that of one by {off:.1e}, rounding {most:.1e}", ranks.world()));
     }
     Ok(())
 }

@@ -114,9 +114,6 @@ pub enum LearnError {
     /// Data and network do not fit together.
     #[error("{0}")]
     Mismatch(String),
-    /// Another rank is gone.
-    #[error(transparent)]
-    Ranks(#[from] RankError),
 }
 
 part!(LearnError);

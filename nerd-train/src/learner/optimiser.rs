@@ -83,7 +83,7 @@ impl Optimiser {
         Self { config, state, beta, sums: (0.0, 0.0, 0) }
     }
 
-    /// Makes an update of the gradient of all ranks, and counts it.
+    /// Makes an update of the gradient, and counts it.
     pub fn update(&mut self, lr: f32, loss: f32, gradient: &[f32]) -> Result<(), LearnError> {
         let norm = norm(gradient);
         if !loss.is_finite() || !norm.is_finite() {

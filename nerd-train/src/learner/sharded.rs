@@ -1,6 +1,6 @@
 //! An update on the CPU, in shards.
 //!
-//! An update cuts its batch, or this rank's part of it, in shards. Each shard computes `sum (y - y*)^2 / (batch tokens outputs)` or its
+//! An update cuts its batch in shards. Each shard computes `sum (y - y*)^2 / (batch tokens outputs)` or its
 //! bent form, so the shards' losses and gradients add up to those of the mean over the batch. Shards keep all cores busy, and a small
 //! shard's activations stay in the cache. Their gradients are added in shard order, so the result does not depend on the number of
 //! threads.
@@ -45,7 +45,6 @@ pub struct Sharded<P> {
     validation: Arc<Windows>,
     shard: usize,
     threads: usize,
-    ranks: Arc<Ranks>,
 }
 
 impl<P: Pass> Sharded<P> {
@@ -53,13 +52,7 @@ impl<P: Pass> Sharded<P> {
         super::check(&config, &state, [&sets[0], &sets[1]])?;
         let (optimiser, threads) = (Optimiser::new(config, state, optimiser::BETA), rayon::current_num_threads());
         let [train, validation] = sets;
-        Ok(Self { pass, optimiser, train, validation, shard: SHARD, threads, ranks: Arc::default() })
-    }
-
-    /// Computes this rank's part of every update.
-    pub fn among(mut self, ranks: &Arc<Ranks>) -> Self {
-        self.ranks = ranks.clone();
-        self
+        Ok(Self { pass, optimiser, train, validation, shard: SHARD, threads })
     }
 
     /// Another shard size and number of threads (a GPU wants the whole batch in one shard on one thread).
@@ -70,12 +63,7 @@ impl<P: Pass> Sharded<P> {
 
     /// Squared error and the gradient of the loss, before clipping, for the training windows `rows`.
     pub fn gradient(&self, rows: &[u64]) -> Result<(f32, Vec<f32>), LearnError> {
-        self.part(rows, rows.len())
-    }
-
-    /// What the windows `rows` add to the mean over so many windows.
-    fn part(&self, rows: &[u64], windows: usize) -> Result<(f32, Vec<f32>), LearnError> {
-        let (scale, huber) = (1.0 / values(&self.train, windows), self.optimiser.config.huber);
+        let (scale, huber) = (1.0 / values(&self.train, rows.len()), self.optimiser.config.huber);
         let work = |worker: &mut P::Worker, rows: &[u64]| self.pass.gradient(worker, shard(&self.train, rows), scale, huber);
         let parts = self.sharded(&self.optimiser.state.weights, true, rows, work)?;
         let loss = parts.iter().map(|(loss, _)| loss).sum::<f64>() as f32;
@@ -132,9 +120,8 @@ impl<P: Pass> Learner for Sharded<P> {
     fn update(&mut self, lr: f32) -> Result<(), LearnError> {
         let (step, windows) = (self.optimiser.state.step, self.train.len() as u64);
         let LearnerConfig { batch, seed, .. } = self.optimiser.config;
-        let rows: Vec<u64> = self.ranks.part(batch).map(|row| draw(seed, step, row as u64, windows)).collect();
-        let (loss, mut gradient) = self.part(&rows, batch)?;
-        let loss = self.ranks.sum_with(&mut gradient, loss)?;
+        let rows: Vec<u64> = (0..batch as u64).map(|row| draw(seed, step, row, windows)).collect();
+        let (loss, gradient) = self.gradient(&rows)?;
         self.optimiser.update(lr, loss, &gradient)
     }
 

@@ -151,19 +151,18 @@ impl Arena {
         }
     }
 
-    /// A run of a task, built-in or not, from random weights, with its policy where the episodes are; of several ranks each has its share of
-    /// the environments.
-    pub fn trainer(&self, task: Box<dyn Task>, config: PpoConfig, seed: u64, ranks: &Arc<Ranks>) -> Result<Trainer> {
-        let episodes = self.part(task, ranks.part(config.environments), seed)?;
+    /// A run of a task, built-in or not, from random weights, with its policy where the episodes are.
+    pub fn trainer(&self, task: Box<dyn Task>, config: PpoConfig, seed: u64) -> Result<Trainer> {
+        let episodes = self.part(task, 0..config.environments, seed)?;
         #[allow(unused_mut)]
-        let mut trainer = Trainer::among(ranks, episodes, config, seed)?;
+        let mut trainer = Trainer::new(episodes, config, seed)?;
         #[cfg(feature = "cuda")]
         if self.on_gpu() {
             let Trainer { episodes, config, state: State { policy, .. }, .. } = &mut trainer;
             let mut engine = || -> Result<Box<dyn Engine>> {
                 Ok(match config.algorithm {
-                    Algorithm::Ppo => Box::new(CudaEngine::new(&policy.shape, config, ranks)?),
-                    Algorithm::Shac => Box::new(CudaShac::new(Shac::new(episodes, policy, config, seed, ranks)?, policy, config)?),
+                    Algorithm::Ppo => Box::new(CudaEngine::new(&policy.shape, config)?),
+                    Algorithm::Shac => Box::new(CudaShac::new(Shac::new(episodes, policy, config, seed)?, policy, config)?),
                 })
             };
             trainer.engine = engine().map_err(|e| Error::Refused(format!("--device cuda: {e}")))?;

@@ -1,20 +1,16 @@
 //! A run on disk: one safetensors file, replaced as a whole, from which it goes on to the bit, in a streaming network's
 //! simulator to its rounding (see `nerd_tasks::Episodes::remember`).
 //!
-//! Noise, orders and resets are drawn by number (iteration, step, episode), so no generator's state is stored. What belongs to
-//! environments is in their order among those of all ranks, so a run may go on with another number of ranks.
-
-use std::ops::Range;
+//! Noise, orders and resets are drawn by number (iteration, step, episode), so no generator's state is stored.
 
 use super::folder::{get, put};
 use super::*;
 
 impl Trainer {
-    /// Writes where the run is; `run` is whatever else the caller wants to find again. Of several ranks all call it, and the first writes.
+    /// Writes where the run is; `run` is whatever else the caller wants to find again.
     pub fn save(&mut self, path: &Path, run: &str) -> Result<()> {
-        let (state, team) = (&self.state, Team::new(&self.ranks, self.config.environments));
+        let state = &self.state;
         let Snapshot { states, frames, goals, begun, past_states, past_torques } = self.engine.snapshot(&self.episodes)?;
-        let past = past_states.len().checked_div(states.len()).unwrap_or(0);
         let mut file = Tensors::default();
         put(&mut file, "policy.", &state.policy);
         if let Some((reward, policy)) = &state.best {
@@ -26,26 +22,19 @@ impl Trainer {
         file.put_u64("counts", &[state.iteration, state.adam.step, self.seed]);
         file.put_f64("rate", [state.adam.rate]);
         file.put_f64("recent", state.recent.iter().flat_map(|e| [e.0, e.1]));
-        let reals: [(&str, &[f64], usize); 7] = [
-            ("running.stack", &state.running.stack.rows, 1),
-            ("running.rewards", &state.running.rewards, 1),
-            ("running.lengths", &state.running.lengths, 1),
-            ("states", &states, 1),
-            ("goals", &goals, 1),
-            ("past.states", &past_states, past),
-            ("past.torques", &past_torques, past),
+        let reals: [(&str, &[f64]); 7] = [
+            ("running.stack", &state.running.stack.rows),
+            ("running.rewards", &state.running.rewards),
+            ("running.lengths", &state.running.lengths),
+            ("states", &states),
+            ("goals", &goals),
+            ("past.states", &past_states),
+            ("past.torques", &past_torques),
         ];
-        for (name, own, blocks) in reals {
-            let all = whole(&team, own.iter().map(|x| x.to_bits()).collect(), blocks)?;
-            file.put_f64(name, all.into_iter().map(f64::from_bits));
-        }
-        for (name, own) in [("frames", frames), ("begun", begun)] {
-            file.put_u64(name, &whole(&team, own, 1)?);
-        }
+        reals.into_iter().for_each(|(name, numbers)| file.put_f64(name, numbers.iter().copied()));
+        file.put_u64("frames", &frames);
+        file.put_u64("begun", &begun);
         self.engine.learned()?.into_iter().for_each(|(name, numbers)| file.put_f32(name, &[numbers.len()], numbers));
-        if !self.ranks.leads() {
-            return Ok(());
-        }
         let config = serde_json::to_string(&self.config).unwrap_or_default();
         file.put_word("config", config);
         file.put_word("run", run);
@@ -83,22 +72,16 @@ impl Trainer {
         state.adam.rate = file.f64("rate", Some(1))?[0];
         state.recent = file.f64("recent", None)?.as_chunks().0.iter().map(|[a, b]| (*a, *b)).collect();
         let (n, running) = (self.config.environments, &mut state.running);
-        let part = self.ranks.part(n);
-        let row = running.stack.rows.len() / part.len().max(1);
-        let real = |name: &str, blocks: usize, width: Option<usize>| -> Result<Vec<f64>> {
-            Ok(rows(&file.f64(name, width.map(|width| n * width))?, blocks, n, &part))
-        };
-        running.stack.rows = real("running.stack", 1, Some(row))?;
-        running.rewards = real("running.rewards", 1, Some(1))?;
-        running.lengths = real("running.lengths", 1, Some(1))?;
-        let past = file.f64("past.states", None)?.len().checked_div(file.f64("states", None)?.len()).unwrap_or(0);
+        running.stack.rows = file.f64("running.stack", Some(running.stack.rows.len()))?;
+        running.rewards = file.f64("running.rewards", Some(n))?;
+        running.lengths = file.f64("running.lengths", Some(n))?;
         let snapshot = Snapshot {
-            states: real("states", 1, None)?,
-            frames: rows(&file.u64("frames", Some(n))?, 1, n, &part),
-            goals: real("goals", 1, None)?,
-            begun: rows(&file.u64("begun", Some(n))?, 1, n, &part),
-            past_states: real("past.states", past, None)?,
-            past_torques: real("past.torques", past, None)?,
+            states: file.f64("states", None)?,
+            frames: file.u64("frames", Some(n))?,
+            goals: file.f64("goals", None)?,
+            begun: file.u64("begun", Some(n))?,
+            past_states: file.f64("past.states", None)?,
+            past_torques: file.f64("past.torques", None)?,
         };
         for (name, numbers) in self.engine.learned()? {
             *numbers = file.f32(name, Some(numbers.len()))?;
@@ -107,20 +90,4 @@ impl Trainer {
         self.state = state;
         Ok(())
     }
-}
-
-/// A vector `[blocks][environment][numbers]` of all ranks.
-fn whole(team: &Team, own: Vec<u64>, blocks: usize) -> Result<Vec<u64>, RankError> {
-    if team.alone() {
-        return Ok(own);
-    }
-    let parts = team.exchange(own)?;
-    let block = |part: &[u64], k: usize| part[k * (part.len() / blocks)..(k + 1) * (part.len() / blocks)].to_vec();
-    Ok((0..blocks).flat_map(|k| parts.iter().flat_map(move |part| block(part, k))).collect())
-}
-
-/// Some of the n environments of such a vector.
-fn rows<T: Copy>(all: &[T], blocks: usize, n: usize, range: &Range<usize>) -> Vec<T> {
-    let width = all.len().checked_div(blocks * n).unwrap_or(0);
-    (0..blocks).flat_map(|block| &all[(block * n + range.start) * width..(block * n + range.end) * width]).copied().collect()
 }

@@ -1,4 +1,4 @@
-//! [`OnCpu`]: a policy that answers and learns on the CPU, alone or as one of several ranks.
+//! [`OnCpu`]: a policy that answers and learns on the CPU.
 
 use super::loss::surprise;
 use super::update::update;
@@ -9,17 +9,9 @@ use super::*;
 pub struct OnCpu {
     /// The rollout so far.
     pub rollout: Rollout,
-    team: Team,
     actor: Option<Actor>,
     /// Values of the states reached where time ran out, in their order.
     cut: Vec<f64>,
-}
-
-impl OnCpu {
-    /// With this rank's share of so many environments, beside the other ranks.
-    pub fn among(ranks: &Arc<Ranks>, environments: usize) -> Self {
-        Self { team: Team::new(ranks, environments), ..Self::default() }
-    }
 }
 
 impl Turns for OnCpu {
@@ -33,7 +25,7 @@ impl Turns for OnCpu {
     fn act(&mut self, rows: &[f64], noise: StreamKey, actions: &mut Vec<f64>) -> Result<()> {
         let Some(actor) = &self.actor else { return Ok(()) };
         let (answer, r, width) = (actor.answer(rows), &mut self.rollout, actor.policy.shape.action);
-        let drawn = drawn(&answer, noise, self.team.part.start * width);
+        let drawn = drawn(&answer, noise);
         let said = drawn.par_chunks_exact(width).zip(answer.mean.par_chunks_exact(width)).zip(answer.spread.par_chunks_exact(width));
         r.surprise.par_extend(said.map(|((a, mu), s)| surprise(a, mu, s)));
         r.observations.extend_from_slice(rows);
@@ -66,6 +58,6 @@ impl Engine for OnCpu {
     }
 
     fn update(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, orders: StreamKey) -> Result<Updated> {
-        Ok(update(policy, adam, &self.rollout, config, orders, &self.team)?)
+        Ok(update(policy, adam, &self.rollout, config, orders))
     }
 }

@@ -12,8 +12,7 @@
 //! Beside it there is SHAC ([`Shac`]), which learns from slopes in place of samples, in the same runs and folders.
 //!
 //! An [`Engine`] steps episodes, judges what came of it (`gae.rs`) and learns from it (`update.rs`, by `loss.rs`); [`Trainer`] repeats it
-//! and keeps all that a run needs to go on; [`PolicyRun`] does it in a folder, [`play()`] plays the result. Of several processes each has
-//! a share of the environments (`team.rs`).
+//! and keeps all that a run needs to go on; [`PolicyRun`] does it in a folder, [`play()`] plays the result.
 
 mod arena;
 mod checkpoint;
@@ -36,7 +35,6 @@ mod rollout;
 mod run;
 mod shac;
 mod stack;
-mod team;
 mod trainer;
 mod update;
 
@@ -46,7 +44,6 @@ use nerd_tasks::named;
 use crate::prelude::*;
 use gae::advantages;
 use noise::drawn;
-use team::Team;
 use update::orders;
 
 pub use arena::{Arena, Make};

@@ -52,24 +52,6 @@ pub struct Learned {
 impl PolicyRun {
     /// Trains, or goes on training.
     pub fn train(&self) -> Result<Learned> {
-        self.learn(&Arc::default())
-    }
-
-    /// The same as one of several ranks: each learns from its share of the environments, and rank 0 writes. None on the others.
-    pub fn train_among(&self, ranks: &Arc<Ranks>) -> Result<Option<Learned>> {
-        let (environments, world) = (self.config.environments, ranks.world());
-        if world > environments {
-            refuse!("{environments} environments: {world} ranks need one each");
-        }
-        #[cfg(feature = "cuda")]
-        if self.arena.on_gpu() && world > 1 {
-            nerd_cuda::take(ranks.local()).map_err(|e| Error::Refused(format!("--device cuda: {e}")))?;
-        }
-        let done = self.learn(ranks)?;
-        Ok(ranks.leads().then_some(done))
-    }
-
-    fn learn(&self, ranks: &Arc<Ranks>) -> Result<Learned> {
         let (started, out) = (Instant::now(), &self.out);
         let task = named(&self.task)?;
         self.config.check().map_err(Error::Refused)?;
@@ -78,30 +60,18 @@ impl PolicyRun {
         let title = format!("{} on {solver}", self.task);
         // What a checkpoint is known by: a model is its weights, wherever they are.
         let identity = format!("{} on {}", folder::identity(&*task), self.arena.identity(&system)?);
-        let settings = json!({ "run": identity, "seed": self.seed, "settings": self.config });
-        ranks.agree("settings", &settings.to_string(), "give all ranks the same command")?;
-        let mut trainer = self.arena.trainer(task, self.config.clone(), self.seed, ranks)?;
-        let leads = ranks.leads();
-        let _claim = leads.then(|| claimed(out)).transpose()?;
+        let mut trainer = self.arena.trainer(task, self.config.clone(), self.seed)?;
+        let _claim = claimed(out)?;
         if out.join(LAST).exists() {
             let other = |e| Error::Refused(format!("{} holds another run; choose another --out: {e}", out.display()));
             trainer.resume(&out.join(LAST), &identity).map_err(other)?;
-            if leads {
-                tell!("going on at iteration {} of {}", trainer.state.iteration, trainer.config.iterations);
-            }
+            tell!("going on at iteration {} of {}", trainer.state.iteration, trainer.config.iterations);
         }
         let first = trainer.state.iteration;
-        let at = format!("iteration {first}, policy {}", trainer.state.policy.sha256());
-        ranks.agree("checkpoint", &at, "give all ranks the same --out, in a folder that all of them see")?;
-        // Nobody reads any more what the first will write.
-        ranks.wait()?;
         let spent = self.iterate(&mut trainer, &title, &identity, started)?;
         let (_, reward) = trainer.best();
         let (policy, iterations, elapsed) = (out.join("policy"), trainer.state.iteration, started.elapsed());
         let done = Learned { title, policy, reward, iterations, failed: spent.failed, elapsed, spent: spent.words() };
-        if !leads {
-            return Ok(done);
-        }
         // Asked again, a finished run keeps its times.
         if iterations > first || !Session::any(out) {
             Session::log(out, first, iterations, elapsed.as_secs_f64(), &done.spent)?;
@@ -113,12 +83,12 @@ impl PolicyRun {
     /// Iterations until all are done, the reward is reached or time is over; ends with a checkpoint.
     fn iterate(&self, trainer: &mut Trainer, title: &str, identity: &str, started: Instant) -> Result<Spent> {
         let (checkpoint, mut saved) = (self.out.join(LAST), Instant::now());
-        let mut metrics = trainer.ranks.leads().then(|| Record::metrics(&self.out, trainer.state.iteration)).transpose()?;
+        let mut metrics = Record::metrics(&self.out, trainer.state.iteration)?;
         let (mut spent, steps) = (Spent::default(), trainer.config.steps());
         let bar = bar(&format!("steps of {title}"), trainer.config.iterations * steps as u64);
         while trainer.state.iteration < trainer.config.iterations {
             let line = trainer.iterate()?;
-            metrics.as_mut().map_or(Ok(()), |metrics| metrics.write(&line))?;
+            metrics.write(&line)?;
             spent.add(&line, steps, trainer.engine.spent());
             if let (Some(reward), Some(length)) = (line.reward, line.length) {
                 bar.say(&format!("iteration {}: mean reward {reward:.1} over {length:.0} steps", line.step));
@@ -126,10 +96,10 @@ impl PolicyRun {
             bar.set(line.frames);
             let reached = self.until.zip(line.reward).is_some_and(|(wanted, reward)| reward >= wanted && trainer.state.best.is_some());
             let late = self.minutes.is_some_and(|m| started.elapsed().as_secs_f64() > 60.0 * m);
-            if trainer.ranks.decide(reached || late)? {
+            if reached || late {
                 break;
             }
-            if trainer.ranks.decide(saved.elapsed() > SAVE)? {
+            if saved.elapsed() > SAVE {
                 trainer.save(&checkpoint, identity)?;
                 saved = Instant::now();
             }

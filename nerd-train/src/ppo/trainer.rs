@@ -59,21 +59,13 @@ pub struct Trainer {
     pub state: State,
     /// What its policy answers on and learns.
     pub engine: Box<dyn Engine>,
-    /// Those that learn side by side, each from its share of the environments; one alone otherwise.
-    pub ranks: Arc<Ranks>,
 }
 
 impl Trainer {
     /// A run from random weights.
-    pub fn new(episodes: Episodes, config: PpoConfig, seed: u64) -> Result<Self> {
-        Self::among(&Arc::default(), episodes, config, seed)
-    }
-
-    /// The same as one of several ranks, from this rank's share of the environments. Another engine than [`OnCpu`] or [`Shac`] has to be one
-    /// of theirs, too.
-    pub fn among(ranks: &Arc<Ranks>, mut episodes: Episodes, config: PpoConfig, seed: u64) -> Result<Self> {
+    pub fn new(mut episodes: Episodes, config: PpoConfig, seed: u64) -> Result<Self> {
         config.check().and_then(|()| episodes.task.about().check()).map_err(Error::Refused)?;
-        let (found, wanted) = (episodes.len(), ranks.part(config.environments).len());
+        let (found, wanted) = (episodes.len(), config.environments);
         if found != wanted {
             refuse!("{found} environments, the settings ask for {wanted}");
         }
@@ -84,13 +76,13 @@ impl Trainer {
         let shape = Shape::of(&*episodes.task, &config);
         let mut policy = Policy::new(shape, &mut StreamKey { seed, number: 0 }.rng()).spread_out(config.spread);
         let engine: Box<dyn Engine> = match config.algorithm {
-            Algorithm::Ppo => Box::new(OnCpu::among(ranks, config.environments)),
-            Algorithm::Shac => Box::new(Shac::new(&mut episodes, &mut policy, &config, seed, ranks)?),
+            Algorithm::Ppo => Box::new(OnCpu::default()),
+            Algorithm::Shac => Box::new(Shac::new(&mut episodes, &mut policy, &config, seed)?),
         };
         let adam = Adam::new(policy.flat.len(), config.rate);
         let running = Running::new(&episodes, config.stack);
         let state = State { iteration: 0, policy, adam, running, recent: VecDeque::new(), best: None };
-        Ok(Self { episodes, config, seed, state, engine, ranks: ranks.clone() })
+        Ok(Self { episodes, config, seed, state, engine })
     }
 
     /// One rollout and its update.
@@ -102,7 +94,6 @@ impl Trainer {
         let orders = StreamKey { seed: self.seed.wrapping_add(ORDERS), number: state.iteration };
         engine.ahead(config, orders);
         let taken = engine.roll(Stage { episodes, running: &mut state.running, policy: &state.policy, config, noise })?;
-        let taken = Team::new(&self.ranks, config.environments).together(taken)?;
         let rolled = started.elapsed().as_secs_f64();
         state.recent.extend(taken.ended.iter().map(|episode| (episode.total, episode.length)));
         let most = config.environments.max(100);

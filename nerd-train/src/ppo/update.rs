@@ -4,7 +4,6 @@
 //! first of an update is 1. After every minibatch its steps are compared with the policy just computed, as in the reference,
 //! so that the divergence is that of one pass, not of all.
 
-use std::borrow::Cow;
 use std::sync::MutexGuard;
 
 use super::loss::{Past, divergence, step};
@@ -55,23 +54,14 @@ pub struct Updated {
 }
 
 /// All passes over one rollout; see [`super::Engine::update`].
-pub(super) fn update(
-    policy: &mut Policy,
-    adam: &mut Adam,
-    rollout: &Rollout,
-    config: &PpoConfig,
-    key: StreamKey,
-    team: &Team,
-) -> Result<Updated, RankError> {
-    let mut data = Data::begun(policy, rollout, team)?;
+pub(super) fn update(policy: &mut Policy, adam: &mut Adam, rollout: &Rollout, config: &PpoConfig, key: StreamKey) -> Updated {
+    let mut data = Data::begun(policy, rollout);
     let (mut sums, mut norms, mut batches) = (Terms::default(), 0.0, 0.0);
     let mut learning = Learning::new(policy);
     for order in orders(config, key) {
         for batch in order.chunks(config.minibatch) {
-            let own: Cow<[u32]> = if team.alone() { batch.into() } else { team.own(batch).collect() };
-            let mut said = gradient(policy, &learning, &data, &own, 1.0 / batch.len() as f32, config);
-            data.compare_with(&own, &said);
-            team.sum(&mut said.flat, &mut said.terms)?;
+            let said = gradient(policy, &learning, &data, batch, 1.0 / batch.len() as f32, config);
+            data.compare_with(batch, &said);
             norms += f64::from(adam.step([0.9, 0.999], &mut policy.flat, &said.flat, config.gradient_norm));
             learning.load(policy);
             let terms = said.terms.over(batch.len() as f64);
@@ -84,8 +74,8 @@ pub(super) fn update(
             }
         }
     }
-    policy.seen.absorb(&team.pool(RunningMoments::of(&rollout.observations, policy.shape.inputs()))?);
-    Ok(Updated { terms: sums.over(batches), gradient_norm: norms / batches })
+    policy.seen.absorb(&RunningMoments::of(&rollout.observations, policy.shape.inputs()));
+    Updated { terms: sums.over(batches), gradient_norm: norms / batches }
 }
 
 /// The order of all steps of an iteration in each pass.
@@ -112,18 +102,18 @@ struct Data<'a> {
 
 impl<'a> Data<'a> {
     /// Normalised by the policy's moments, into which the returns are taken.
-    fn begun(policy: &mut Policy, rollout: &'a Rollout, team: &Team) -> Result<Self, RankError> {
+    fn begun(policy: &mut Policy, rollout: &'a Rollout) -> Self {
         let returns: Vec<f64> = rollout.advantages.iter().zip(&rollout.values).map(|(a, v)| a + v).collect();
         // As predicted: in updated moments a value would be clipped to something that was never predicted.
         let values = rollout.values.iter().map(|v| policy.returns.normalize(0, *v) as f32).collect();
-        policy.returns.absorb(&team.pool(RunningMoments::of(&returns, 1))?);
-        let all = team.pool(RunningMoments::of(&rollout.advantages, 1))?;
+        policy.returns.absorb(&RunningMoments::of(&returns, 1));
+        let all = RunningMoments::of(&rollout.advantages, 1);
         let (mean, deviation) = (all.mean[0], all.variance[0].sqrt() + 1e-8);
         let advantages = rollout.advantages.iter().map(|a| ((a - mean) / deviation) as f32).collect();
         let goals = returns.iter().map(|x| policy.returns.normalize(0, *x) as f32).collect();
         let inputs = policy.seen.all_rows(&rollout.observations);
         let (mean, spread) = (rollout.mean.clone(), rollout.spread.clone());
-        Ok(Self { inputs, advantages, goals, values, mean, spread, rollout })
+        Self { inputs, advantages, goals, values, mean, spread, rollout }
     }
 
     /// From now on these steps are compared with the policy's latest outputs.

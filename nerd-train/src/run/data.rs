@@ -59,11 +59,11 @@ impl Cache {
 
 impl Data {
     /// Records or reads what a run learns from.
-    pub fn of(plan: &Plan, ranks: &Ranks, cache: &Cache) -> Result<Self> {
-        if plan.config.unrolled().is_some() { Self::motions(plan, cache) } else { Self::windows(plan, ranks) }
+    pub fn of(plan: &Plan, cache: &Cache) -> Result<Self> {
+        if plan.config.unrolled().is_some() { Self::motions(plan, cache) } else { Self::windows(plan) }
     }
 
-    fn windows(plan: &Plan, ranks: &Ranks) -> Result<Self> {
+    fn windows(plan: &Plan) -> Result<Self> {
         let Plan { config, system, form, .. } = plan;
         let (record, sequence) = (&config.record, plan.network.sequence());
         let (mut training, mut validation) = match &plan.measured {
@@ -75,10 +75,10 @@ impl Data {
             None => {
                 let training = match &config.data {
                     Some(folder) => read(system, &record.truth(system).name(), folder, sequence, *form)?,
-                    None => record.tokens(ranks, system, &plan.recording, (sequence, *form))?,
+                    None => record.tokens(system, &plan.recording, (sequence, *form))?,
                 };
                 let validation = validation(plan, VALIDATION.0.min(config.transitions));
-                (training, record.tokens(ranks, system, &validation, (sequence, *form))?.windows)
+                (training, record.tokens(system, &validation, (sequence, *form))?.windows)
             }
         };
         let windows = &training.windows;

@@ -11,22 +11,22 @@ use crate::learner::cuda::{CudaLearner, Precision};
 use crate::unroll::CudaUnrollLearner;
 use crate::unroll::{Body, UnrollLearner};
 
-/// What learns as one of `ranks`, at the state it goes on from.
-pub(super) fn engine(plan: &Plan, ranks: &Arc<Ranks>, state: LearnerState, sets: Sets) -> Result<Box<dyn Learner>> {
+/// What learns, at the state it goes on from.
+pub(super) fn engine(plan: &Plan, state: LearnerState, sets: Sets) -> Result<Box<dyn Learner>> {
     let learner = plan.learner;
     Ok(match (plan.config.device, sets) {
-        (Device::Cpu, Sets::Windows(sets)) => Box::new(CpuLearner::new(learner, state, sets)?.among(ranks)),
+        (Device::Cpu, Sets::Windows(sets)) => Box::new(CpuLearner::new(learner, state, sets)?),
         #[cfg(feature = "burn")]
         (device @ (Device::Flex | Device::Wgpu), Sets::Windows(sets)) => {
-            let made = BurnLearner::new(learner, state, sets, &device.burn()?)?.among(ranks);
+            let made = BurnLearner::new(learner, state, sets, &device.burn()?)?;
             // A card wants all windows at once.
             Box::new(if device == Device::Wgpu { made.shards(learner.batch, 1) } else { made })
         }
-        (_, Sets::Cable(course)) => unrolled(plan, ranks, state, *course)?,
-        (_, Sets::Robot(course)) => unrolled(plan, ranks, state, *course)?,
+        (_, Sets::Cable(course)) => unrolled(plan, state, *course)?,
+        (_, Sets::Robot(course)) => unrolled(plan, state, *course)?,
         #[cfg(feature = "cuda")]
         (Device::Cuda | Device::CudaF32, Sets::Windows([train, validation])) => {
-            Box::new(CudaLearner::new(ranks, learner, precision(plan), state, [&train, &validation])?)
+            Box::new(CudaLearner::new(learner, precision(plan), state, [&train, &validation])?)
         }
         #[cfg(not(all(feature = "cuda", feature = "burn")))]
         (device, Sets::Windows(_)) => refuse!("this build has no --device {device}"),
@@ -39,14 +39,14 @@ fn precision(plan: &Plan) -> Precision {
 }
 
 /// What learns through many frames.
-fn unrolled<B: Body + 'static>(plan: &Plan, ranks: &Arc<Ranks>, state: LearnerState, course: Course<B>) -> Result<Box<dyn Learner>> {
+fn unrolled<B: Body + 'static>(plan: &Plan, state: LearnerState, course: Course<B>) -> Result<Box<dyn Learner>> {
     Ok(match plan.config.device {
         Device::Cpu => {
             memory::unrolled(&plan.network, course.frames)?;
-            Box::new(UnrollLearner::new(plan.learner, state, course)?.among(ranks))
+            Box::new(UnrollLearner::new(plan.learner, state, course)?)
         }
         #[cfg(feature = "cuda")]
-        Device::Cuda => Box::new(CudaUnrollLearner::new(&plan.system, plan.learner, precision(plan), state, course, ranks)?),
+        Device::Cuda => Box::new(CudaUnrollLearner::new(&plan.system, plan.learner, precision(plan), state, course)?),
         device => refuse!("--device {device} does not train through many frames: use cpu or cuda"),
     })
 }

@@ -16,11 +16,10 @@
 //!                            └─ the best weights with a card               card.rs ──▶ OUT/model
 //! ```
 //!
-//! Of several ranks ([`Run::among`]) rank 0 leads; `agree.rs` has what all agree on before it begins. The run's folder holds `run.json`,
+//! The run's folder holds `run.json`,
 //! `metrics.jsonl`, `sessions.jsonl`, `last.safetensors` and `best.safetensors`; the same settings again continue it. A [`Recipe`] is a file of
 //! settings, of one run or of several that follow each other.
 
-mod agree;
 mod card;
 mod criterion;
 mod data;

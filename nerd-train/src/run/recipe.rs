@@ -107,13 +107,8 @@ impl Recipe {
 
     /// Trains all runs that are not done yet; the folder of the last one's model, or none if time was over before.
     pub fn train(&self) -> Result<Option<PathBuf>> {
-        self.train_among(&Arc::default())
-    }
-
-    /// The same as one of several processes. Where there are several runs, all ranks have to see their folders.
-    pub fn train_among(&self, ranks: &Arc<Ranks>) -> Result<Option<PathBuf>> {
         if let [one] = &self.runs[..] {
-            return Run::new(one)?.among(ranks)?.train();
+            return Run::new(one)?.train();
         }
         self.runs.iter().try_for_each(RunConfig::check)?;
         let (mut last, cache) = (None, Arc::default());
@@ -122,7 +117,7 @@ impl Recipe {
                 last = Some(done);
                 continue;
             }
-            let mut next = Run::new(run)?.among(ranks)?;
+            let mut next = Run::new(run)?;
             next.cache.clone_from(&cache);
             last = next.train()?;
             if last.is_none() || run.finish {

@@ -142,11 +142,11 @@ impl RecordConfig {
         Ok(motions)
     }
 
-    /// Records in memory, as tokens, each rank its share.
-    pub(super) fn tokens(&self, ranks: &Ranks, system: &Arc<System>, config: &GenerateConfig, form: (usize, Form)) -> Result<Prepared> {
-        let bar = bar("recording transitions", (config.trajectories() * config.frames / ranks.world()) as u64);
+    /// Records in memory, as tokens.
+    pub(super) fn tokens(&self, system: &Arc<System>, config: &GenerateConfig, form: (usize, Form)) -> Result<Prepared> {
+        let bar = bar("recording transitions", (config.trajectories() * config.frames) as u64);
         let tell = |n: usize| bar.add(n as u64);
-        let prepared = generate(ranks, system, &|| self.truth(system).solver(system), config, form, &tell)?;
+        let prepared = generate(system, &|| self.truth(system).solver(system), config, form, &tell)?;
         bar.finish();
         Ok(prepared)
     }

@@ -13,7 +13,6 @@ use crate::trainer::{Outcome, Trainer};
 /// What settings come to, ready to train.
 pub struct Run {
     plan: Plan,
-    ranks: Arc<Ranks>,
     /// What the runs before it have read or recorded.
     pub(super) cache: Arc<Cache>,
 }
@@ -21,51 +20,25 @@ pub struct Run {
 impl Run {
     /// The run of these settings.
     pub fn new(config: &RunConfig) -> Result<Self> {
-        Ok(Self { plan: Plan::new(config)?, ranks: Arc::default(), cache: Arc::default() })
+        Ok(Self { plan: Plan::new(config)?, cache: Arc::default() })
     }
 
-    /// The same as a run of several processes, of which this is one.
-    pub fn among(mut self, ranks: &Arc<Ranks>) -> Result<Self> {
-        let (batch, world) = (self.plan.learner.batch, ranks.world());
-        if batch < world {
-            refuse!("--batch {batch}: {world} ranks need a window each");
-        }
-        // Before anything is recorded there.
-        #[cfg(feature = "cuda")]
-        if self.plan.config.device == Device::Cuda && world > 1 {
-            nerd_cuda::take(ranks.local()).map_err(|e| Error::Refused(format!("--device cuda: {e}")))?;
-        }
-        self.ranks = ranks.clone();
-        Ok(self)
-    }
-
-    /// Trains, or goes on training; the folder of the model once all updates are done, none if the minutes were over before. Rank 0 keeps
-    /// the folder and makes the model, for which the others wait.
+    /// Trains, or goes on training; the folder of the model once all updates are done, none if the minutes were over before.
     pub fn train(&self) -> Result<Option<PathBuf>> {
-        let (Self { plan, ranks, cache }, started) = (self, Instant::now());
-        let (config, out, leads) = (&plan.config, &plan.config.out, ranks.leads());
-        let _claim = leads.then(|| claimed(out)).transpose()?;
+        let (Self { plan, cache }, started) = (self, Instant::now());
+        let (config, out) = (&plan.config, &plan.config.out);
+        let _claim = claimed(out)?;
         let mut identity = Identity::of(plan);
-        if leads {
-            resume(out, &identity)?;
-            if config.finish && !checkpoint::best(out).exists() {
-                refuse!("{}: there is no run to finish, or it has not been validated yet", out.display());
-            }
+        resume(out, &identity)?;
+        if config.finish && !checkpoint::best(out).exists() {
+            refuse!("{}: there is no run to finish, or it has not been validated yet", out.display());
         }
-        agree::settings(ranks, config, &identity)?;
-        let data = Data::of(plan, ranks, cache)?;
-        agree::data(ranks, config, &data.sha256)?;
+        let data = Data::of(plan, cache)?;
         (identity.transitions, identity.data_sha256) = (data.transitions, data.sha256.clone());
         let first = || plan.parent.as_ref().map_or_else(|| Weights::init(plan.network, plan.learner.seed), |p| p.weights.clone());
-        let own = if leads { Some(resume(out, &identity)?.unwrap_or_else(|| LearnerState::new(first()))) } else { None };
-        let state = agree::state(ranks, own, plan.network)?;
-        let made = match (config.finish, leads) {
-            (true, true) => Some(self.finish(&identity, data.judge)?),
-            (true, false) => None,
-            (false, _) => self.updates(&identity, data, state, started)?,
-        };
-        // The next run may begin with it.
-        Ok(ranks.decide(made.is_some())?.then(|| out.join("model")))
+        let state = resume(out, &identity)?.unwrap_or_else(|| LearnerState::new(first()));
+        let made = if config.finish { Some(self.finish(&identity, data.judge)?) } else { self.updates(&identity, data, state, started)? };
+        Ok(made.map(|()| out.join("model")))
     }
 
     /// The best weights so far as a model.
@@ -76,7 +49,7 @@ impl Run {
         export(&self.plan, identity, judge.normalizer, best.weights, chosen)
     }
 
-    /// What is left of the updates, and then the model, if this rank is to make it and there was time for all of them. Each validation ends a
+    /// What is left of the updates, and then the model, if there was time for all of them. Each validation ends a
     /// line of `sessions.jsonl`.
     fn updates(&self, identity: &Identity, data: Data, state: LearnerState, started: Instant) -> Result<Option<()>> {
         let (plan, out) = (&self.plan, &self.plan.config.out);
@@ -84,22 +57,17 @@ impl Run {
         let mut trainer = self.trainer(identity)?;
         let fresh = self.supply(&judge.normalizer, step)?;
         // A device that refuses leaves nothing behind.
-        let mut engine = engine(plan, &self.ranks, state, sets)?;
+        let mut engine = engine(plan, state, sets)?;
         // Time that was spent until here is spent.
         trainer.stop_at = self.left(started);
-        if !self.ranks.leads() {
-            trainer.run(&mut *engine, fresh, &mut |_, _| Ok(None))?;
-            return Ok(None);
-        }
         let path = out.join("run.json");
         let text = serde_json::to_string_pretty(identity).map_err(Error::file(&path))?;
         nerd_sim::files::write(&path, text.as_bytes()).map_err(Error::file(&path))?;
         tell!("{} parameters, {windows} windows, update {step} of {}", plan.network.parameters(), plan.trainer.updates);
         let mut logged = (step, Duration::ZERO);
         let mut log = |step: u64| -> Result<()> {
-            let (now, world) = (started.elapsed(), self.ranks.world());
-            let spent = if world > 1 { format!("{world} ranks") } else { String::new() };
-            Session::log(out, logged.0, step, (now - logged.1).as_secs_f64(), &spent)?;
+            let now = started.elapsed();
+            Session::log(out, logged.0, step, (now - logged.1).as_secs_f64(), "")?;
             logged = (step, now);
             Ok(())
         };
@@ -130,9 +98,7 @@ impl Run {
     /// What makes its updates.
     fn trainer(&self, identity: &Identity) -> Result<Trainer> {
         let run = serde_json::to_string(identity).map_err(Error::file(&self.plan.config.out))?;
-        let mut trainer = Trainer::new(self.plan.trainer, self.plan.learner.batch, &self.plan.config.out, &run);
-        trainer.ranks = self.ranks.clone();
-        Ok(trainer)
+        Ok(Trainer::new(self.plan.trainer, self.plan.learner.batch, &self.plan.config.out, &run))
     }
 
     /// What is left of its minutes, a second at least.
@@ -153,7 +119,7 @@ impl Run {
         let shards = fresh.div_ceil(data.frames * data.shard_trajectories) as u64;
         let (updates, history, form, normalizer) = (plan.trainer.updates, plan.network.sequence(), plan.form, normalizer.clone());
         let config = SupplyConfig { data, shards, updates, step, history, form, normalizer };
-        Ok(Some(Supply::new(&self.ranks, &plan.system, move || truth.solver(&system), config)?))
+        Ok(Some(Supply::new(&plan.system, move || truth.solver(&system), config)?))
     }
 
     fn say_stopped(&self, outcome: &Outcome, started: Instant) {

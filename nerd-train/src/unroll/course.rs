@@ -1,7 +1,5 @@
 //! What a network learns from, and where the rollouts of an update start.
 
-use std::ops::Range;
-
 use super::*;
 
 /// Adam's betas: small, since gradients change as rollouts grow longer.
@@ -39,16 +37,16 @@ impl<B: Body> Course<B> {
         Ok(())
     }
 
-    /// The draws of some rows of an update's rollouts.
-    pub(super) fn draws(&self, seed: u64, step: u64, rows: Range<usize>) -> Vec<Draw<B::View>> {
+    /// The draws of so many rollouts of an update.
+    pub(super) fn draws(&self, seed: u64, step: u64, rows: usize) -> Vec<Draw<B::View>> {
         let (mut rng, train) = (stream(seed, step), &self.train);
-        // All numbers are drawn, whatever becomes of them, so that one rollout's fate moves no other, on whichever rank.
-        let mut one = |_| {
+        // All numbers are drawn, whatever becomes of them, so that one rollout's fate moves no other.
+        let one = |_| {
             let (anew, mirrored) = (rng.random::<f64>() < ANEW, rng.random::<bool>());
             let (motion, frame) = (rng.random_range(0..train.len()), rng.random_range(0..=train.frames - self.frames));
             let view = self.body.view(rng.random::<f64>() * std::f64::consts::TAU, mirrored);
             Draw { anew, place: Place { motion, frame, view } }
         };
-        (0..rows.end).map(&mut one).collect::<Vec<_>>().split_off(rows.start)
+        (0..rows).map(one).collect()
     }
 }

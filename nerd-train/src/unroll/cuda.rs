@@ -4,14 +4,12 @@
 //! frame on, `loss and look -> network -> output -> network back -> frame back`: activations are made once more in place of being kept.
 //! All of it is one captured graph. The host draws where rollouts begin, and reads back which are near enough to be carried on.
 
-use std::ops::Range;
-
 use nerd_cuda::Arg::{Double, Int, Long, Ptr};
 use nerd_cuda::{Arg, Buffer, Device, DeviceError, Replay};
 use nerd_model::program::Slot;
 
 use super::*;
-use crate::learner::cuda::{Network, Optimiser, Plan, Precision, joined};
+use crate::learner::cuda::{Network, Optimiser, Plan, Precision};
 
 const KERNELS: [&str; 9] = [
     "unroll_truths",
@@ -35,7 +33,6 @@ pub struct CudaUnrollLearner<B: Body> {
     config: LearnerConfig,
     course: Course<B>,
     /// Of the batch.
-    rows: Range<usize>,
     /// Where the last update ended; a resumed run restarts all of them.
     ended: Vec<Option<Place<B::View>>>,
     step: u64,
@@ -56,7 +53,7 @@ pub struct CudaUnrollLearner<B: Body> {
 }
 
 impl<B: Body> CudaUnrollLearner<B> {
-    /// Continues `state` as one of `ranks`.
+    /// Continues `state`.
     ///
     /// # Errors
     /// If no motion is as long as a rollout, a scene or the network has no kernels, or the device fails.
@@ -66,20 +63,19 @@ impl<B: Body> CudaUnrollLearner<B> {
         precision: Precision,
         state: LearnerState,
         course: Course<B>,
-        ranks: &Ranks,
     ) -> Result<Self, LearnError> {
         config.check().map_err(LearnError::Mismatch)?;
         course.check()?;
-        let (body, train, frames, rows) = (&course.body, &course.train, course.frames, ranks.part(config.batch));
+        let (body, train, frames, rows) = (&course.body, &course.train, course.frames, config.batch);
         state.weights.config.check().map_err(LearnError::Mismatch)?;
         let plan = Plan::new(state.weights.config.program(), body.tokens())?;
-        let mut network = Network::new(plan, rows.len(), precision, true)?;
+        let mut network = Network::new(plan, rows, precision, true)?;
         let colliders = train.scenes.iter().map(|scene| scene.colliders.len()).max().unwrap_or(0);
-        let text = body.program(system, rows.len(), colliders);
+        let text = body.program(system, rows, colliders);
         let last = B::CARRIED.then_some("unroll_end");
         network.device.add(&(text + include_str!("sums.cuh")), &KERNELS.into_iter().chain(last).collect::<Vec<_>>())?;
-        let (d, n, widths) = (&network.device, rows.len(), body.widths());
-        let optimiser = Optimiser::new(d, config, &state, BETA[1], joined(ranks, d)?)?;
+        let (d, n, widths) = (&network.device, rows, body.widths());
+        let optimiser = Optimiser::new(d, config, &state, BETA[1])?;
         Ok(Self {
             ended: vec![None; n],
             step: state.step,
@@ -96,7 +92,6 @@ impl<B: Body> CudaUnrollLearner<B> {
             widths,
             config,
             course,
-            rows,
             network,
             optimiser,
         })
@@ -105,7 +100,7 @@ impl<B: Body> CudaUnrollLearner<B> {
     /// Where this update's rollouts begin: the host's numbers of each.
     fn drawn(&mut self) -> Result<Vec<f64>, LearnError> {
         let (frames, through) = (self.course.frames, self.course.train.frames);
-        let draws = self.course.draws(self.config.seed, self.step, self.rows.clone());
+        let draws = self.course.draws(self.config.seed, self.step, self.config.batch);
         // Single frames are learned from the truth alone.
         let nears = if B::CARRIED && frames > 1 { self.network.device.download(&self.nears)? } else { vec![0; self.ended.len()] };
         let mut rows = Vec::with_capacity(self.ended.len() * ROLLOUT);

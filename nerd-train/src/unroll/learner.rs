@@ -12,9 +12,8 @@ pub struct UnrollLearner<B: Body> {
     optimiser: Optimiser,
     course: Course<B>,
     network: Loaded,
-    /// Of this rank, where the last update ended. A resumed run restarts all of them.
+    /// Where the last update ended. A resumed run restarts all of them.
     rollouts: Vec<Option<Rollout<B>>>,
-    ranks: Arc<Ranks>,
     memory: Mutex<Vec<Vec<Memory>>>,
 }
 
@@ -28,24 +27,17 @@ impl<B: Body> UnrollLearner<B> {
         course.check()?;
         let network = Loaded::new(state.weights.config.program(), &state.weights.flat);
         let (rollouts, optimiser) = (vec![None; config.batch], Optimiser::new(config, state, BETA));
-        Ok(Self { optimiser, course, network, rollouts, ranks: Arc::default(), memory: Mutex::default() })
-    }
-
-    /// Computes this rank's rollouts of every update.
-    pub fn among(mut self, ranks: &Arc<Ranks>) -> Self {
-        self.rollouts = vec![None; ranks.part(self.optimiser.config.batch).len()];
-        self.ranks = ranks.clone();
-        self
+        Ok(Self { optimiser, course, network, rollouts, memory: Mutex::default() })
     }
 
     fn unroll(&self) -> Unroll<'_, B> {
         Unroll { course: &self.course, network: &self.network }
     }
 
-    /// This rank's of an update: carried on, or begun where its draws say.
+    /// Those of an update: carried on, or begun where its draws say.
     fn drawn(&mut self) -> Vec<Rollout<B>> {
         let (frames, total, config) = (self.course.frames, self.course.train.frames, self.optimiser.config);
-        let draws = self.course.draws(config.seed, self.optimiser.state.step, self.ranks.part(config.batch));
+        let draws = self.course.draws(config.seed, self.optimiser.state.step, config.batch);
         let mut before = std::mem::take(&mut self.rollouts);
         // After an update that failed none is left.
         before.resize(draws.len(), None);
@@ -80,8 +72,7 @@ impl<B: Body> Learner for UnrollLearner<B> {
         // Added up in order: the same bits on any number of threads.
         let mut gradient = vec![0.0; self.optimiser.state.weights.flat.len()];
         parts.iter().for_each(|part| gradient.iter_mut().zip(&part.1).for_each(|(sum, g)| *sum += g));
-        let loss = self.ranks.sum_with(&mut gradient, loss as f32)?;
-        self.optimiser.update(lr, loss, &gradient)?;
+        self.optimiser.update(lr, loss as f32, &gradient)?;
         // Single frames are learned from the truth alone.
         let carried = B::CARRIED && self.course.frames > 1;
         self.rollouts = rollouts.into_par_iter().map(|r| (carried && self.near(&r)).then_some(r)).collect();

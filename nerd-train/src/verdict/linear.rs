@@ -44,7 +44,7 @@ pub(super) fn windows(model: &Model, system: &Arc<System>, truth: Truth, seed: u
     let mut config = GenerateConfig { transitions, frames: FRAMES, seed, shard_trajectories, ..Default::default() };
     (config.torque_scale, config.resets) = (torque_scale, 0.5);
     let solver = || truth.solver(system);
-    Ok(generate(&Ranks::default(), system, &solver, &config, (1, model.config.form()), &|_| ())?.windows)
+    Ok(generate(system, &solver, &config, (1, model.config.form()), &|_| ())?.windows)
 }
 
 /// Linear maps from a model's normalised tokens to its normalised targets, of least squares over these transitions. One for each ridge; none

@@ -3,7 +3,6 @@
 // Each test file is a crate of its own and uses a part of this.
 #![allow(dead_code, unused_imports)]
 
-use std::net::{Ipv4Addr, TcpListener};
 pub use std::path::{Path, PathBuf};
 
 pub use nerd_model::base::Base;
@@ -24,7 +23,6 @@ pub use nerd_train::learner::{
     BurnLearner, CpuLearner, LearnError, Learner, LearnerConfig, LearnerState, Optimizer, Progress, validation_rows,
 };
 pub use nerd_train::prepare::{moments, tokens};
-pub use nerd_train::ranks::{RankError, Ranks};
 pub use nerd_train::run::{Recipe, Run, RunConfig, Variant};
 pub use nerd_train::schedule::Schedule;
 pub use nerd_train::settings::Given;
@@ -84,20 +82,4 @@ pub fn model(system: &Arc<System>, base: Base, positions: Positions) -> Model {
     let normalizer =
         Normalizer { inputs: moments(vec![0.0; inputs], 4.0), outputs: moments(nothing.into_iter().map(f64::from).collect(), 1e-4) };
     unlearned(system, base, network, normalizer)
-}
-
-/// What each of so many ranks, threads here, comes to.
-pub fn among<T: Send>(world: usize, work: impl Fn(&Arc<Ranks>) -> T + Sync) -> Vec<T> {
-    let free = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).and_then(|free| free.local_addr()).expect("a free port");
-    let one = |rank: usize| {
-        let place = nerd_train::ranks::Place { rank, world, local: rank, address: "127.0.0.1".into(), port: free.port() };
-        let ranks = Arc::new(Ranks::join(place).expect("all came"));
-        let done = work(&ranks);
-        ranks.leave(None);
-        done
-    };
-    std::thread::scope(|scope| {
-        let threads: Vec<_> = (0..world).map(|rank| scope.spawn(move || one(rank))).collect();
-        threads.into_iter().map(|thread| thread.join().expect("no panic")).collect()
-    })
 }

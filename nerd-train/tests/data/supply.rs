@@ -18,7 +18,7 @@ fn solver() -> Box<dyn Solver> {
 }
 
 fn recorded(system: &Arc<System>, shards: usize) -> Windows {
-    generate(&Ranks::default(), system, &solver, &data(shards), (2, Form::default()), &|_| ()).unwrap().windows
+    generate(system, &solver, &data(shards), (2, Form::default()), &|_| ()).unwrap().windows
 }
 
 /// Ten shards over a run of 100 updates, from `step` on.

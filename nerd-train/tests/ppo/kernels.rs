@@ -32,7 +32,7 @@ const LAUNCHES: &str = "
     const double* law = b[1];
     float *means = b[12], *slow = b[31];
     RUN(STEPS * SEEN, normalize(b[2], b[3], b[4], b[11], STEPS * SEEN, SEEN, PADDED))
-    RUN(N, act(b[8], b[9], key[0], key[1], key[2], key[3], &first, later, law, means, b[13], b[14], b[15], b[20], b[16], N, A, A + 1, 0))
+    RUN(N, act(b[8], b[9], key[0], key[1], key[2], key[3], &first, later, law, means, b[13], b[14], b[15], b[20], b[16], N, A, A + 1))
     RUN(N, gae(b[5], b[10], b[6], b[7], b[21], N, HORIZON, law[2], law[3]))
     RUN(PARTS * SEEN, columns(b[2], nullptr, STEPS, SEEN, PARTS, b[22]))
     RUN(SEEN, mean(b[22], STEPS, SEEN, PARTS, b[23]))

@@ -1,4 +1,4 @@
-//! PPO: what it learns, policies and their folders, policies in data, the kernels of its rollouts, several ranks.
+//! PPO: what it learns, policies and their folders, policies in data, the kernels of its rollouts.
 
 #[path = "../common/mod.rs"]
 mod common;
@@ -13,7 +13,6 @@ mod learning;
 mod onnx;
 mod pilot;
 mod policy;
-mod ranks;
 mod shac;
 mod slopes;
 

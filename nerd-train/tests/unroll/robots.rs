@@ -30,7 +30,7 @@ fn case(robot: &str, form: Form) -> (Arc<System>, Arc<Motions>, Normalizer) {
     let config = GenerateConfig { transitions: 24 * 40, frames: 40, seed: 3, resets: 0.5, ..GenerateConfig::default() };
     let solver = || -> Box<dyn Solver> { Box::new(Articulated::new(ArticulatedConfig::accurate(&system))) };
     let motions = Motions::record(&system, &solver, &config, &|_| ()).expect("motions");
-    let windows = generate(&Ranks::default(), &system, &solver, &config, (1, form), &|_| ()).expect("tokens").windows;
+    let windows = generate(&system, &solver, &config, (1, form), &|_| ()).expect("tokens").windows;
     (system, Arc::new(motions), moments(&windows))
 }
 

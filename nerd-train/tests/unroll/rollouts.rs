@@ -174,26 +174,6 @@ fn the_same_updates_on_any_number_of_threads() {
 }
 
 #[test]
-fn ranks_make_the_updates_of_one() {
-    let case = case();
-    let train = |ranks: &Arc<Ranks>| {
-        let mut learner = learner(&case, CONFIG, LearnerState::new(weights(&case.chain)), 3).among(ranks);
-        let losses: Vec<f32> = (0..6)
-            .map(|_| {
-                learner.update(1e-3).expect("finite");
-                learner.progress().expect("its loss").loss
-            })
-            .collect();
-        (losses, learner.state().expect("a state"))
-    };
-    let (alone, _) = train(&Arc::default());
-    let found = common::among(3, train);
-    let off = found[0].0.iter().zip(&alone).map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f32::max);
-    println!("three ranks: losses {:?}, off those of one by {off:.1e} at most", found[0].0);
-    assert!(off < 1e-3 && found.iter().all(|of_rank| *of_rank == found[0]), "losses of one rank: {alone:?}");
-}
-
-#[test]
 fn a_run_makes_a_model_that_is_picked_like_all_others() {
     let folder = tempfile::tempdir().expect("a folder");
     let robot = folder.path().join("cable.toml");

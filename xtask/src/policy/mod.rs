@@ -11,7 +11,7 @@ use arena::ArenaArgs;
 use export::ExportArgs;
 
 use crate::options::{Number, SEEDS};
-use crate::{measure::Conduct, out, prelude::*, ranks};
+use crate::{measure::Conduct, out, prelude::*};
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct PolicyArgs {
@@ -120,12 +120,8 @@ fn train(args: TrainArgs) -> Result<()> {
     config.minibatch = args.minibatch.unwrap_or(config.minibatch);
     let out = args.out.unwrap_or_else(|| format!("out/policies/{}-{}-{seed}", nerd_tasks::word(&task), arena.word()).into());
     let run = PolicyRun { task, arena, config, seed, until, minutes, out };
-    ranks::run(|ranks| {
-        if let Some(done) = run.train_among(ranks)? {
-            say(&done);
-        }
-        Ok(())
-    })
+    say(&run.train()?);
+    Ok(())
 }
 
 fn say(done: &Learned) {

@@ -4,7 +4,6 @@ mod browser;
 mod campaign;
 mod live;
 mod project;
-mod ranks;
 mod refusals;
 mod report;
 mod robots;

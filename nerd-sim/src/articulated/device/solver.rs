@@ -62,7 +62,7 @@ impl Motion for Whole {
     fn open(&mut self, batch: &Batch, reach: Reach) -> Result<(), StepError> {
         (self.device, self.reach, self.returns, self.rig) = (None, reach, false, None);
         let text = program(&batch.system, &self.config, self.real, reach);
-        let device = Device::open(nerd_cuda::ordinal(), &text, &["advance"]).map_err(failed)?;
+        let device = Device::open(&text, &["advance"]).map_err(failed)?;
         if reach.own.rigged() {
             let (n, joints) = (batch.len(), batch.system.robot.joint_count());
             let (asked, known) = (device.zeros(n * LATEST as usize * joints), device.zeros(n));

@@ -21,7 +21,7 @@ mod stream;
 mod trainer;
 
 use nerd_cuda::Arg::{self, Double, Float, Int, Long, Ptr};
-use nerd_cuda::{Buffer, Device, DeviceError, Event, Lane, Replay, Sums};
+use nerd_cuda::{Buffer, Device, DeviceError, Event, Lane, Replay};
 use nerd_model::program::{Op, Program, Slot, Step, Weight};
 use nerd_model::transformer::Windowed;
 
@@ -38,7 +38,6 @@ pub use program::CudaProgram;
 pub use resident::{Frames, resident};
 pub use stream::CudaStream;
 pub use trainer::CudaLearner;
-pub(crate) use trainer::joined;
 
 /// The engine of a network for at most `envs` environments: frame by frame if it can be, or else recomputing windows.
 pub fn stream(weights: &Weights, precision: Precision, envs: usize) -> Result<Box<dyn Stream>, LearnError> {

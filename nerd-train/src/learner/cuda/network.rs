@@ -59,7 +59,7 @@ impl Network {
             return Err(LearnError::Mismatch(format!("{rows} rows at once: 1 to {most} fit the CUDA engine")));
         }
         let (text, kernels) = source(&plan);
-        let mut device = Device::open(nerd_cuda::ordinal(), &text, &kernels)?.with_products(precision)?;
+        let mut device = Device::open(&text, &kernels)?.with_products(precision)?;
         let (most, of) = (device.shared()?, |products| whole_program(&plan.program, plan.tokens, products));
         // Older cards lack its instructions; weights that change would be packed every time.
         let half = precision == Precision::F16 && device.capability()? >= (8, 0) && !train;

@@ -37,7 +37,6 @@ pub(crate) struct Optimiser {
     norms: Buffer<f32>,
     scalars: Buffer<Scalars>,
     muon: Option<Muon>,
-    sums: Option<Sums>,
     config: LearnerConfig,
     shape: TransformerConfig,
     /// Adam's second beta.
@@ -47,7 +46,7 @@ pub(crate) struct Optimiser {
 
 impl Optimiser {
     /// Takes up a state; `beta` is Adam's second.
-    pub fn new(d: &Device, config: LearnerConfig, state: &LearnerState, beta: f64, sums: Option<Sums>) -> Result<Self, LearnError> {
+    pub fn new(d: &Device, config: LearnerConfig, state: &LearnerState, beta: f64) -> Result<Self, LearnError> {
         let (shape, scalars) = (state.weights.config, Scalars { step: state.step, bad_step: u64::MAX, ..Scalars::default() });
         let muon = match config.optimizer {
             Optimizer::Adam => None,
@@ -62,7 +61,6 @@ impl Optimiser {
             norms: d.zeros(NORM_BLOCKS)?,
             scalars: d.upload(&[scalars])?,
             muon,
-            sums,
             config,
             shape,
             beta,
@@ -74,12 +72,9 @@ impl Optimiser {
         self.scalars.ptr
     }
 
-    /// Makes an update of the gradients, summed over all ranks; `mean` turns the number after them into the loss: squared errors are many,
+    /// Makes an update of the gradients; `mean` turns the number after them into the loss: squared errors are many,
     /// a chain's loss is one.
     pub fn update(&self, d: &Device, mean: f32) -> Result<(), LearnError> {
-        if let Some(sums) = &self.sums {
-            sums.sum(d, &self.gradients)?;
-        }
         let (p, s, beta) = (self.weights.len, Ptr(self.scalars.ptr), Double(self.beta));
         let [w, g, m, v, a] = [&self.weights, &self.gradients, &self.m, &self.v, &self.average].map(|b| Ptr(b.ptr));
         d.launch("square_partial", (NORM_BLOCKS, 1), (256, 1), 0, &[g, Long(p as u64), Ptr(self.norms.ptr)])?;

@@ -1,9 +1,6 @@
 //! [`CudaLearner`]: one update is one replay of a captured graph.
 //!
-//! `gather -> fold -> forward -> loss -> backward -> norm -> finish -> Adam (and Muon)`. A rank of several gathers its rows of the
-//! batch, and after the backward pass all gradients are summed.
-
-use std::ops::Range;
+//! `gather -> fold -> forward -> loss -> backward -> norm -> finish -> Adam (and Muon)`.
 
 use super::*;
 
@@ -16,8 +13,6 @@ pub struct CudaLearner {
     network: Network,
     optimiser: Optimiser,
     config: LearnerConfig,
-    /// Of the batch.
-    rows: Range<usize>,
     train: Data,
     validation: Data,
     total: Buffer<f64>,
@@ -35,44 +30,31 @@ struct Data {
 }
 
 impl CudaLearner {
-    /// Takes up `state` as one of several ranks, on this process's GPU ([`nerd_cuda::take`]), with all windows in device memory. Gradients
-    /// are added up by NCCL.
+    /// Takes up `state`, with all windows in device memory.
     ///
     /// # Errors
     /// [`LearnError::Mismatch`] if windows, state and network do not fit together, [`LearnError::Device`] if there
     /// is no GPU, a library is missing or memory runs out.
     pub fn new(
-        ranks: &Ranks,
         config: LearnerConfig,
         precision: Precision,
         state: LearnerState,
         [train, validation]: [&Windows; 2],
     ) -> Result<Self, LearnError> {
-        let (shape, rows) = (state.weights.config, ranks.part(config.batch));
+        let shape = state.weights.config;
         crate::learner::check(&config, &state, [train, validation])?;
-        let network = Network::new(Plan::of(&shape, shape.sequence())?, rows.len(), precision, true)?;
+        let network = Network::new(Plan::of(&shape, shape.sequence())?, config.batch, precision, true)?;
         let d = &network.device;
-        let sums = joined(ranks, d)?;
         let data = |w: &Windows| -> Result<Data, LearnError> {
             let shape = Windows { x: Vec::new(), y: Vec::new(), ..*w };
             Ok(Data { x: d.upload(&w.x)?, y: d.upload(&w.y)?, shape, count: w.len(), per: w.per_trajectory() })
         };
         let (total, validation) = (d.zeros(1)?, data(validation)?);
-        let optimiser = Optimiser::new(d, config, &state, BETA, sums)?;
-        Ok(Self { replay: Replay::default(), train: data(train)?, config, rows, optimiser, network, validation, total })
+        let optimiser = Optimiser::new(d, config, &state, BETA)?;
+        Ok(Self { replay: Replay::default(), train: data(train)?, config, optimiser, network, validation, total })
     }
 
-    /// For these of its rows of the batch: gradients of parts make up the whole's.
-    ///
-    /// # Panics
-    /// For more rows than it was made for.
-    pub fn of_rows(self, rows: Range<usize>) -> Self {
-        assert!(rows.len() <= self.rows.len(), "{} rows of {}", rows.len(), self.rows.len());
-        Self { rows, replay: Replay::default(), ..self }
-    }
-
-    /// What this rank's rows add to the gradient of the next update before clipping (in the order of the flat weights) and to its loss,
-    /// without making the update. For checks.
+    /// The gradient of the next update before clipping (in the order of the flat weights) and its loss, without making the update. For checks.
     pub fn gradient(&mut self) -> Result<(f32, Vec<f32>), LearnError> {
         self.differentiate()?;
         let mut g = self.network.device.download(&self.optimiser.gradients)?;
@@ -87,23 +69,23 @@ impl CudaLearner {
     }
 
     fn differentiate(&self) -> Result<(), LearnError> {
-        let (net, own, rows) = (&self.network, &self.optimiser, self.rows.len());
+        let (net, own) = (&self.network, &self.optimiser);
         let (w, g) = (own.weights.ptr, own.gradients.ptr);
-        let LearnerConfig { batch, huber, .. } = self.config;
+        let LearnerConfig { batch: rows, huber, .. } = self.config;
         self.gather(&self.train, rows, None)?;
         net.fold(w)?;
         net.forward(w, rows)?;
-        net.loss(rows * net.plan.tokens, batch * net.plan.tokens, huber, g)?;
+        net.loss(rows * net.plan.tokens, rows * net.plan.tokens, huber, g)?;
         Ok(net.backward(w, Some(g), 0..rows, None)?)
     }
 
     /// Fills the network's inputs and targets with `rows` windows: of the numbers from an address on, or those of the next update.
     fn gather(&self, data: &Data, rows: usize, numbers: Option<u64>) -> Result<(), LearnError> {
-        let (net, drawn) = (&self.network, (self.optimiser.scalars(), self.config.seed, self.rows.start as u64, 0));
-        let (scalars, seed, first, numbers) = numbers.map_or(drawn, |numbers| (0, 0, 0, numbers));
+        let (net, drawn) = (&self.network, (self.optimiser.scalars(), self.config.seed, 0));
+        let (scalars, seed, numbers) = numbers.map_or(drawn, |numbers| (0, 0, numbers));
         let [windows, per, frames] = [data.count, data.per, data.shape.frames].map(|x| Long(x as u64));
         let from = [Ptr(data.x.ptr), Ptr(data.y.ptr), Ptr(net.at(Slot(0))), Ptr(net.targets.ptr), Ptr(scalars), Long(seed)];
-        let args = [&from[..], &[windows, per, frames, Ptr(numbers), Long(first)]].concat();
+        let args = [&from[..], &[windows, per, frames, Ptr(numbers)]].concat();
         Ok(net.device.launch("gather", (rows, 1), (128, 1), 0, &args)?)
     }
 }
@@ -151,13 +133,4 @@ impl Learner for CudaLearner {
     fn state(&mut self) -> Result<LearnerState, LearnError> {
         self.optimiser.state(&self.network.device)
     }
-}
-
-/// Makes this rank's sums over all of them; none where it is alone.
-pub(crate) fn joined(ranks: &Ranks, device: &Device) -> Result<Option<Sums>, LearnError> {
-    if ranks.world() == 1 {
-        return Ok(None);
-    }
-    let id = if ranks.leads() { Sums::id()? } else { Vec::new() };
-    Ok(Some(Sums::join(device, &ranks.share(0, || id)?, ranks.rank(), ranks.world())?))
 }

@@ -9,12 +9,12 @@ extern "C" __global__ void normalize(const double* rows, const double* mean, con
     if (i < n) to[i / width * padded + i % width] = (float)within((rows[i] - mean[i % width]) * inverse[i % width], 5.0);
 }
 
-// What the policy does where it has `said` mean, value and, by state, spread; else that is a parameter. Number i of all actions, row `first` being
-// the first one here, has the i-th number of the noise, stream `later` after `*stream`, which comes in twos (Box and Muller) of four words each.
+// What the policy does where it has `said` mean, value and, by state, spread; else that is a parameter. Number i of all actions has
+// the i-th number of the noise, stream `later` after `*stream`, which comes in twos (Box and Muller) of four words each.
 // Values are in units of reward: mean and scale.
 extern "C" __global__ void act(const float* said, const float* parameter, u64 key0, u64 key1, u64 key2, u64 key3, const u64* stream, u64 later,
                                const double* units, float* means, float* spreads, float* actions, float* surprise, double* values, float* kept,
-                               int rows, int a, int outputs, u64 first) {
+                               int rows, int a, int outputs) {
     const u64 row = INDEX;
     if (row >= rows) return;
     const u64 key[4] = {key0, key1, key2, key3};
@@ -23,11 +23,11 @@ extern "C" __global__ void act(const float* said, const float* parameter, u64 ke
     unsigned words[16];
     float sum = 0;
     for (int k = 0; k < a; k++) {
-        const u64 i = row * a + k, number = (first + row) * a + k, two = number / 2;
+        const u64 i = row * a + k, two = i / 2;
         if (two / 4 != known) chacha8(key, known = two / 4, *stream + later, words);
         const double u = 1.0 - unit(words + two % 4 * 4), v = unit(words + two % 4 * 4 + 2);
         const double radius = sqrt(-2.0 * log(u)), angle = 6.283185307179586 * v;
-        const float drawn = mu[k] + expf(s[k]) * (float)(radius * (number % 2 ? sin(angle) : cos(angle)));
+        const float drawn = mu[k] + expf(s[k]) * (float)(radius * (i % 2 ? sin(angle) : cos(angle)));
         const float z = (drawn - mu[k]) * expf(-s[k]);
         sum += 0.5f * z * z + s[k] + 0.9189385f;
         means[i] = mu[k];

@@ -55,8 +55,8 @@ impl CudaEngine {
         let read = [self.said(), self.parameter()].map(Ptr);
         let (key, noise) = (key(&noise.rng()).map(Long), [Ptr(self.kept.noise.ptr), Long(later as u64), Ptr(self.kept.units.ptr)]);
         let kept = [self.kept.values.at(first), self.kept.actions.ptr].map(Ptr);
-        let (sizes, own) = ([n, a, self.shape.outputs()].map(Int), [Long(self.team.part.start as u64)]);
-        self.over("act", n, &[&read[..], &key, &noise, &written.map(Ptr), &kept, &sizes, &own].concat())
+        let sizes = [n, a, self.shape.outputs()].map(Int);
+        self.over("act", n, &[&read[..], &key, &noise, &written.map(Ptr), &kept, &sizes].concat())
     }
 
     /// Values, by these weights, of what the last step reached, and of what was where time ran out in a rollout on the device.
@@ -90,7 +90,7 @@ impl CudaEngine {
             about = out.ptr;
         }
         let [mean, variance] = moments;
-        Ok(self.team.pool(RunningMoments { mean, variance, count: n as f64 })?)
+        Ok(RunningMoments { mean, variance, count: n as f64 })
     }
 
     /// Takes the returns into their moments, and makes of the rollout what the loss asks for; advantages are nothing if they do not count.

@@ -19,7 +19,7 @@ impl CudaEngine {
 
     /// The episodes as a world on the device of their solver, taken out; none where they cannot be, with a line that says why.
     pub(super) fn world(&mut self, episodes: &mut Episodes) -> Result<Option<World>> {
-        let world = match self.world.take() {
+        Ok(match self.world.take() {
             Some(known) => known,
             None if !self.steps_episodes => None,
             None => match World::new(episodes, &self.net.device, self.returns.then_some(self.kept.horizon)) {
@@ -31,12 +31,7 @@ impl CudaEngine {
                 Err(StepError::Solver(_)) => None,
                 other => other?,
             },
-        };
-        let others = self.team.exchange(vec![u64::from(world.is_some())])?;
-        if others.iter().any(|other| *other != others[0]) {
-            refuse!("some ranks have their episodes on the card, others do not: give all of them cards with as much free memory");
-        }
-        Ok(world)
+        })
     }
 }
 
@@ -91,11 +86,10 @@ impl Engine for CudaEngine {
     fn ahead(&mut self, config: &PpoConfig, key: StreamKey) {
         // Orders are drawn while the device rolls, as they are needed.
         let (give, orders) = std::sync::mpsc::sync_channel(config.epochs);
-        let (team, settings) = (self.team.clone(), config.clone());
+        let settings = config.clone();
         std::thread::spawn(move || {
-            let own = |order: Vec<u32>| if team.alone() { Ok(order) } else { own(&team, &order, &settings) };
             // Who no longer listens needs no more of them.
-            let _ = update::orders(&settings, key).try_for_each(|order| give.send(own(order)));
+            let _ = update::orders(&settings, key).try_for_each(|order| give.send(order));
         });
         self.orders = Some((config.clone(), key, orders));
     }

@@ -9,16 +9,13 @@ struct PassState {
     float scale, used, root; // Factors of the network's kernel `adam`.
 };
 
-// A row of a minibatch that holds no step.
-#define NONE 0xffffffffu
 #define INDEX ((u64)blockIdx.x * blockDim.x + threadIdx.x)
 
-// Rows in the order of a pass; zeros where there is no step.
+// Rows in the order of a pass.
 extern "C" __global__ void ppo_gather(const float* from, const unsigned* order, float* to, u64 n, int width) {
     const u64 i = INDEX;
     if (i >= n) return;
-    const unsigned step = order[i / width];
-    to[i] = step == NONE ? 0.0f : from[(u64)step * width + i % width];
+    to[i] = from[(u64)order[i / width] * width + i % width];
 }
 
 __device__ double warp_sum(double x) {
@@ -26,20 +23,17 @@ __device__ double warp_sum(double x) {
     return x;
 }
 
-// The loss of a row, of a minibatch of `whole` rows on all GPUs: `said` holds mean, value and, by state, spread; else that is a parameter. Writes the gradient by these, sums of the
+// The loss of a row: `said` holds mean, value and, by state, spread; else that is a parameter. Writes the gradient by these, sums of the
 // terms by block, and what the policy now says in place of what the next pass compares with.
 extern "C" __global__ void ppo_loss(const float* said, const float* parameter, const unsigned* order, const float* actions, const float* surprise,
                                 const float* advantages, const float* goals, const float* values, float* means, float* spreads, float* d,
-                                float* d_spread, double* partial, int rows, int whole, int a, int outputs, float clip, float critic, float bounds,
+                                float* d_spread, double* partial, int rows, int a, int outputs, float clip, float critic, float bounds,
                                 float entropy, float value_clip) {
-    const float half_ln_tau = 0.9189385f, bound = 1.1f, share = 1.0f / whole;
+    const float half_ln_tau = 0.9189385f, bound = 1.1f, share = 1.0f / rows;
     __shared__ double part[4][6];
     const int row = (int)INDEX;
     double terms[6] = {0, 0, 0, 0, 0, 0};
-    if (row < rows && order[row] == NONE) {
-        for (int k = 0; k < outputs; k++) d[(u64)row * outputs + k] = 0;
-        if (parameter) for (int k = 0; k < a; k++) d_spread[(u64)row * a + k] = 0;
-    } else if (row < rows) {
+    if (row < rows) {
         const u64 i = order[row];
         const float *mu = said + (u64)row * outputs, *s = parameter ? parameter : mu + a + 1;
         const float *action = actions + i * a, v = mu[a];
@@ -84,17 +78,6 @@ extern "C" __global__ void ppo_loss(const float* said, const float* parameter, c
         for (int w = 0; w < blockDim.x / 32; w++) sum += part[w][threadIdx.x];
         partial[(u64)blockIdx.x * 6 + threadIdx.x] = sum;
     }
-}
-
-// Sums of the six terms over the blocks, to be added up over cards; and what came of it, as of one block.
-extern "C" __global__ void terms_out(const double* partial, int blocks, float* sums) {
-    double sum = 0;
-    if (threadIdx.x >= 6) return;
-    for (int b = 0; b < blocks; b++) sum += partial[b * 6 + threadIdx.x];
-    sums[threadIdx.x] = (float)sum;
-}
-extern "C" __global__ void terms_back(const float* sums, double* partial) {
-    if (threadIdx.x < 6) partial[threadIdx.x] = sums[threadIdx.x];
 }
 
 extern "C" __global__ void squares(const float* g, u64 n, double* partial) {

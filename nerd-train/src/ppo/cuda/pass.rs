@@ -6,8 +6,8 @@ use nerd_model::program::Slot;
 use super::*;
 
 impl CudaEngine {
-    /// One minibatch of `whole` steps, of which `order` has these `rows` from `first` on.
-    fn minibatch(&self, (first, rows): (usize, usize), whole: usize, config: &PpoConfig) -> Result<(), DeviceError> {
+    /// One minibatch: `rows` of the order from `first` on.
+    fn minibatch(&self, first: usize, rows: usize, config: &PpoConfig) -> Result<(), DeviceError> {
         let (net, w, order, a) = (&self.net, self.weights.ptr, self.order.at(first), self.shape.action);
         let entries = rows * net.plan.padded;
         let inputs = [self.steps.inputs.ptr, order, net.at(Slot(0))].map(Ptr);
@@ -17,17 +17,16 @@ impl CudaEngine {
         let read = [self.said(), self.parameter(), order, actions.ptr, surprise.ptr, advantages.ptr, goals.ptr, values.ptr];
         let written = [means.ptr, spreads.ptr, net.targets.ptr, self.spread.ptr, self.terms.ptr];
         let numbers = [config.clip, config.critic, config.bounds, config.entropy, config.value_clip].map(Float);
-        let sizes = [rows, whole, a, self.shape.outputs()].map(Int);
+        let sizes = [rows, a, self.shape.outputs()].map(Int);
         self.over("ppo_loss", rows, &[&read.map(Ptr)[..], &written.map(Ptr)[..], &sizes, &numbers].concat())?;
         net.backward(w, Some(self.gradient.ptr), 0..rows, None)?;
         if !self.shape.spread_by_state {
             net.sum_rows(self.spread.ptr, rows, a, Some(self.gradient.at(self.weights.len - a)), None)?;
         }
-        let blocks = self.sum(rows.div_ceil(THREADS))?;
         let n = Long(self.weights.len as u64);
         self.net.device.launch("squares", (SQUARES, 1), (256, 1), 0, &[Ptr(self.gradient.ptr), n, Ptr(self.squares.ptr)])?;
-        let (terms, squares) = ([Ptr(self.terms.ptr), Int(blocks)], [Ptr(self.squares.ptr), Int(SQUARES)]);
-        let rest = [Int(whole), Float(config.gradient_norm), Double(config.kl)];
+        let (terms, squares) = ([Ptr(self.terms.ptr), Int(rows.div_ceil(THREADS))], [Ptr(self.squares.ptr), Int(SQUARES)]);
+        let rest = [Int(rows), Float(config.gradient_norm), Double(config.kl)];
         let args = [&terms[..], &squares, &rest, &self.beta.map(Double), &[Ptr(self.state.ptr)]].concat();
         self.net.device.launch("ppo_finish", (1, 1), (224, 1), 0, &args)?;
         let [m, v] = &self.moments;
@@ -36,39 +35,21 @@ impl CudaEngine {
         self.over("adam", self.weights.len, &[&vectors[..], &[n, Ptr(0)], &self.beta.map(Double)].concat())
     }
 
-    /// Adds up gradients and loss terms of all cards; the number of blocks that terms are in then.
-    fn sum(&self, blocks: usize) -> Result<usize, DeviceError> {
-        let Some(sums) = &self.sums else { return Ok(blocks) };
-        let tail = Ptr(self.gradient.at(self.weights.len));
-        self.net.device.launch("terms_out", (1, 1), (32, 1), 0, &[Ptr(self.terms.ptr), Int(blocks), tail])?;
-        sums.sum(&self.net.device, &self.gradient)?;
-        self.net.device.launch("terms_back", (1, 1), (32, 1), 0, &[tail, Ptr(self.terms.ptr)])?;
-        Ok(1)
-    }
-
     /// All minibatches of one pass, as a graph from the second pass of the same settings on.
     fn pass(&self, config: &PpoConfig) -> Result<(), DeviceError> {
         self.replay.run(&self.net.device, "pass", (self.weights.ptr, config.clone()), || {
             let steps = config.steps();
-            (0..steps).step_by(config.minibatch).enumerate().try_for_each(|(k, first)| {
-                let whole = config.minibatch.min(steps - first);
-                let rows = if self.sums.is_some() { (k * self.rows, self.rows) } else { (first, whole) };
-                self.minibatch(rows, whole, config)
-            })
+            let mut firsts = (0..steps).step_by(config.minibatch);
+            firsts.try_for_each(|first| self.minibatch(first, config.minibatch.min(steps - first), config))
         })
     }
 
     /// All passes in these orders; weights and their moments are there.
-    pub(super) fn passes(
-        &mut self,
-        adam: &mut Adam,
-        config: &PpoConfig,
-        orders: impl Iterator<Item = Result<Vec<u32>, String>>,
-    ) -> Result<Updated> {
+    pub(super) fn passes(&mut self, adam: &mut Adam, config: &PpoConfig, orders: impl Iterator<Item = Vec<u32>>) -> Result<Updated> {
         self.net.device.write(&self.state, &[PassState { rate: adam.rate, step: adam.step, ..Default::default() }])?;
         let mut passes = 0;
         for order in orders {
-            self.net.device.write(&self.order, &order.map_err(Error::Refused)?)?;
+            self.net.device.write(&self.order, &order)?;
             self.pass(config)?;
             passes += 1;
         }

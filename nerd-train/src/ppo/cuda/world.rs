@@ -80,7 +80,7 @@ impl World {
         let Some((_, held)) = resident.held() else { return Err(StepError::Refused("no environments".into())) };
         let make = || -> Result<Self, DeviceError> {
             let kernels = if back.is_some() { &KERNELS[..] } else { &KERNELS[..2] };
-            let device = Device::open(nerd_cuda::ordinal(), &text, kernels)?;
+            let device = Device::open(&text, kernels)?;
             device.join(beside)?;
             let (goals, frames, begun) = (device.upload(&kept.goals)?, device.upload(&kept.frames)?, device.upload(&kept.begun)?);
             let (failed, counts) = (device.zeros::<u32>(n)?, device.zeros::<u32>(2)?);

@@ -4,14 +4,14 @@ use super::*;
 
 impl Shac {
     /// All passes; the mean squared error over them.
-    pub(super) fn learn(&mut self, policy: &Policy, config: &PpoConfig, key: StreamKey) -> Result<f64> {
+    pub(super) fn learn(&mut self, policy: &Policy, config: &PpoConfig, key: StreamKey) -> f64 {
         (self.critic.seen, self.critic.returns) = (policy.seen.clone(), policy.returns.clone());
         let (width, a, mut network) = (policy.shape.inputs(), policy.shape.action, self.critic.network());
         let goals: Vec<f32> = self.returns.iter().map(|x| policy.returns.normalize(0, *x) as f32).collect();
         let (mut lost, mut batches) = (0.0, 0.0);
         for order in orders(config, key) {
             for batch in order.chunks(config.minibatch) {
-                let own: Vec<usize> = self.team.own(batch).map(|i| i as usize).collect();
+                let own: Vec<usize> = batch.iter().map(|i| *i as usize).collect();
                 let rows: Vec<f64> = own.iter().flat_map(|i| self.steps.rows[i * width..][..width].iter().copied()).collect();
                 let scale = 1.0 / batch.len() as f32;
                 let (gradient, sum) = through(&self.critic, &network, &rows, By::Parameters, |i, said, by| {
@@ -19,14 +19,13 @@ impl Shac {
                     by[a] = scale * off;
                     f64::from(off * off)
                 });
-                let mut gradient: Vec<f32> = gradient.into_iter().map(|g| g as f32).chain([scale * sum as f32]).collect();
-                self.team.ranks.sum(&mut gradient)?;
-                lost += f64::from(gradient.pop().unwrap_or_default());
+                let gradient: Vec<f32> = gradient.into_iter().map(|g| g as f32).collect();
+                lost += f64::from(scale * sum as f32);
                 batches += 1.0;
                 self.adam.step(BETA, &mut self.critic.flat, &gradient, config.gradient_norm);
                 network.load(&self.critic.flat);
             }
         }
-        Ok(lost / batches)
+        lost / batches
     }
 }

@@ -36,11 +36,10 @@ const LEAST: f64 = 1e-2;
 
 /// SHAC on the CPU, over any solver with slopes.
 pub struct Shac {
-    /// Gradient of `-J` of the last rollout by the policy's parameters, of this rank's environments.
+    /// Gradient of `-J` of the last rollout by the policy's parameters.
     pub gradient: Vec<f32>,
     /// J of the last rollout.
     pub earned: f64,
-    pub(super) team: Team,
     pub(super) critic: Policy,
     pub(super) adam: Adam,
     /// The weights of V'.
@@ -55,7 +54,7 @@ impl Shac {
     ///
     /// # Errors
     /// If the task, the solver or what sensors show has no slopes.
-    pub fn new(episodes: &mut Episodes, policy: &mut Policy, config: &PpoConfig, seed: u64, ranks: &Arc<Ranks>) -> Result<Self> {
+    pub fn new(episodes: &mut Episodes, policy: &mut Policy, config: &PpoConfig, seed: u64) -> Result<Self> {
         if episodes.task.slopes().is_none() {
             refuse!(
                 "task `{}` is not written in formulas (nerd_tasks::formula), so it has no slopes: train it by PPO",
@@ -79,19 +78,18 @@ impl Shac {
         let (inside, outputs) = (critic.shape.hidden.last().copied().unwrap_or(critic.shape.inputs()), critic.shape.outputs());
         critic.flat[spread - (inside + 1) * outputs..].fill(0.0);
         let (adam, slow) = (Adam::new(critic.flat.len(), config.rate), critic.flat.clone());
-        let (team, (gradient, steps, by_actions, returns)) = (Team::new(ranks, config.environments), Default::default());
-        Ok(Self { gradient, earned: 0.0, team, critic, adam, slow, steps, by_actions, returns })
+        let (gradient, steps, by_actions, returns) = Default::default();
+        Ok(Self { gradient, earned: 0.0, critic, adam, slow, steps, by_actions, returns })
     }
 
-    /// Sets the rates of an iteration, and makes the policy's step along the gradient of all ranks; the norm of that.
-    pub(super) fn climb(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, orders: StreamKey) -> Result<f32> {
-        let mut gradient = std::mem::take(&mut self.gradient);
-        self.team.ranks.sum(&mut gradient)?;
+    /// Sets the rates of an iteration, and makes the policy's step along the gradient; the norm of that.
+    pub(super) fn climb(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, orders: StreamKey) -> f32 {
+        let gradient = std::mem::take(&mut self.gradient);
         let left = (1.0 - orders.number as f64 / config.iterations as f64).max(LEAST);
         (adam.rate, self.adam.rate) = (config.rate * left, config.rate * left);
         // As many as it has made, also in a run that goes on.
         self.adam.step = adam.step * (config.epochs * config.steps().div_ceil(config.minibatch)) as u64;
-        Ok(adam.step(BETA, &mut policy.flat, &gradient, config.gradient_norm))
+        adam.step(BETA, &mut policy.flat, &gradient, config.gradient_norm)
     }
 
     /// What an update did, by the norm of its gradient and the critic's error.
@@ -106,9 +104,9 @@ impl Shac {
         Policy { flat: self.slow.clone(), ..policy.clone() }
     }
 
-    /// Gradient of `-J` by the policy's parameters, as far as it is that of these environments of this rank.
+    /// Gradient of `-J` by the policy's parameters, as far as it is that of these environments.
     fn by_parameters(&self, policy: &Policy, envs: Range<usize>) -> Vec<f32> {
-        let (width, a, n) = (policy.shape.inputs(), policy.shape.action, self.team.part.len());
+        let (width, a, n) = (policy.shape.inputs(), policy.shape.action, self.environments());
         let own: Vec<usize> = (0..self.by_actions.len() / a).filter(|i| envs.contains(&(i % n))).collect();
         let rows: Vec<f64> = own.iter().flat_map(|i| &self.steps.rows[i * width..][..width]).copied().collect();
         let by_action = |i: usize| &self.by_actions[own[i] * a..][..a];
@@ -124,15 +122,19 @@ impl Shac {
         flat.into_iter().map(|g| g as f32).collect()
     }
 
-    /// Gradients of the last rollout by environment of this rank; their sum is [`Self::gradient`].
+    fn environments(&self) -> usize {
+        self.steps.environments
+    }
+
+    /// Gradients of the last rollout by environment; their sum is [`Self::gradient`].
     pub fn gradients(&self, policy: &Policy) -> Vec<Vec<f32>> {
-        (0..self.team.part.len()).into_par_iter().map(|env| self.by_parameters(policy, env..env + 1)).collect()
+        (0..self.environments()).into_par_iter().map(|env| self.by_parameters(policy, env..env + 1)).collect()
     }
 }
 
 impl Engine for Shac {
     fn roll(&mut self, mut on: Stage) -> Result<Taken> {
-        let (steps, mut taken) = Steps::rolled(&mut on, self.team.part.start)?;
+        let (steps, mut taken) = Steps::rolled(&mut on)?;
         let Stage { episodes, running, policy, config, .. } = on;
         let value = self.value(policy);
         let Found { by_actions, earned, without } = back(&steps, episodes, policy, &value, config)?;
@@ -143,7 +145,7 @@ impl Engine for Shac {
         let gains = advantages(came, (&own, &values(last), &values(&steps.cut)), config);
         self.returns = gains.iter().zip(&own).map(|(gain, value)| gain + value).collect();
         self.steps = steps;
-        self.gradient = self.by_parameters(policy, 0..self.team.part.len());
+        self.gradient = self.by_parameters(policy, 0..self.environments());
         // Nor would another try from there have slopes.
         without.iter().try_for_each(|env| running.begin(episodes, *env))?;
         taken.failed += without.len();
@@ -151,12 +153,12 @@ impl Engine for Shac {
     }
 
     fn update(&mut self, policy: &mut Policy, adam: &mut Adam, config: &PpoConfig, orders: StreamKey) -> Result<Updated> {
-        let norm = self.climb(policy, adam, config, orders)?;
-        policy.returns.absorb(&self.team.pool(RunningMoments::of(&self.returns, 1))?);
-        let critic = self.learn(policy, config, orders)?;
+        let norm = self.climb(policy, adam, config, orders);
+        policy.returns.absorb(&RunningMoments::of(&self.returns, 1));
+        let critic = self.learn(policy, config, orders);
         self.slow.iter_mut().zip(&self.critic.flat).for_each(|(slow, w)| *slow = KEPT * *slow + (1.0 - KEPT) * w);
         let rows = self.returns.len() * policy.shape.inputs();
-        policy.seen.absorb(&self.team.pool(RunningMoments::of(&self.steps.rows[..rows], policy.shape.inputs()))?);
+        policy.seen.absorb(&RunningMoments::of(&self.steps.rows[..rows], policy.shape.inputs()));
         Ok(self.told(policy, norm, critic))
     }
 

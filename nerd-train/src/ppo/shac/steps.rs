@@ -17,17 +17,19 @@ pub(super) struct Steps {
     pub rewards: Vec<f64>,
     pub ends: Vec<u8>,
     pub trace: Trace,
+    pub environments: usize,
 }
 
 impl Steps {
-    /// Steps every environment through a horizon; the first of them has this number among all.
-    pub fn rolled(Stage { episodes, running, policy, config, noise }: &mut Stage, first: usize) -> Result<(Self, Taken)> {
+    /// Steps every environment through a horizon.
+    pub fn rolled(Stage { episodes, running, policy, config, noise }: &mut Stage) -> Result<(Self, Taken)> {
         let (mut kept, mut taken, mut cut) = (Self::default(), Taken::default(), Vec::new());
-        let (actor, first) = (Actor::new((*policy).clone()), first * policy.shape.action);
+        let actor = Actor::new((*policy).clone());
+        kept.environments = episodes.len();
         episodes.trace();
         for t in 0..config.horizon {
             let answer = actor.answer(&running.stack.rows);
-            let drawn = drawn(&answer, StreamKey { number: noise.number + t as u64, ..*noise }, first);
+            let drawn = drawn(&answer, StreamKey { number: noise.number + t as u64, ..*noise });
             kept.rows.extend_from_slice(&running.stack.rows);
             let actions: Vec<f64> = drawn.iter().map(|a| f64::from(a.clamp(-1.0, 1.0))).collect();
             kept.drawn.extend(drawn);

@@ -39,9 +39,9 @@ __device__ u64 mix(u64 x) {
 // One block per row of the batch. Takes window numbers[row], or draws it where there are no numbers, and copies its tokens to
 // u [rows][T][LDX] (zero padded) and y [rows][T][OUT].
 extern "C" __global__ void gather(const float* x, const float* y, float* u, float* target, const Scalars* s, u64 seed,
-                                  u64 windows, u64 per, u64 frames, const u64* numbers, u64 first) {
+                                  u64 windows, u64 per, u64 frames, const u64* numbers) {
     const u64 row = blockIdx.x;
-    const u64 w = numbers ? numbers[row] : mix(mix(mix(seed) ^ s->step) ^ (first + row)) % windows;
+    const u64 w = numbers ? numbers[row] : mix(mix(mix(seed) ^ s->step) ^ row) % windows;
     const u64 token = w / per * frames + w % per;
     for (int i = threadIdx.x; i < T * LDX; i += blockDim.x) {
         int k = i / LDX, c = i % LDX;

@@ -32,7 +32,7 @@ struct Critic {
 impl CudaShac {
     /// Memory for rollouts and updates under the settings that `shac` was made for.
     pub fn new(shac: Shac, policy: &Policy, config: &PpoConfig) -> Result<Self> {
-        let mut engine = CudaEngine::new(&policy.shape, config, &shac.team.ranks)?;
+        let mut engine = CudaEngine::new(&policy.shape, config)?;
         engine.beta = BETA;
         let zeros = || engine.net.device.zeros(shac.critic.flat.len());
         let critic = Critic { weights: zeros()?, moments: [zeros()?, zeros()?], slow: zeros()?, loaded: false };
@@ -51,7 +51,7 @@ impl CudaShac {
         let Some(resident) = solver.resident() else { refuse!("the solver has left the device") };
         let way = match self.way.take() {
             Some(way) => way,
-            None => Way::new(&self.engine, world, &batch.system.robot, config, self.shac.team.all)?,
+            None => Way::new(&self.engine, world, &batch.system.robot, config)?,
         };
         let rolled = Rolled { engine: &self.engine, world, resident, config, slow: self.critic.slow.ptr };
         for (name, go) in
@@ -139,7 +139,7 @@ impl Engine for CudaShac {
             return self.shac.update(policy, adam, config, orders);
         }
         let mut started = Instant::now();
-        let norm = self.shac.climb(policy, adam, config, orders)?;
+        let norm = self.shac.climb(policy, adam, config, orders);
         self.part("policy", &mut started)?;
         let critic = self.learn(policy, config, orders)?;
         self.engine.seen(policy)?;

@@ -45,8 +45,7 @@ pub(super) struct Rolled<'a> {
 }
 
 impl Way {
-    /// Of so many environments in all.
-    pub(super) fn new(engine: &CudaEngine, world: &World, robot: &Robot, config: &PpoConfig, all: usize) -> Result<Self, DeviceError> {
+    pub(super) fn new(engine: &CudaEngine, world: &World, robot: &Robot, config: &PpoConfig) -> Result<Self, DeviceError> {
         let (kept, d, a) = (&engine.kept, &engine.net.device, engine.shape.action);
         let (n, width, joints, wide) = (kept.environments, engine.shape.inputs(), robot.joint_count(), 2 * robot.nv());
         let steps = n * kept.horizon;
@@ -59,7 +58,7 @@ impl Way {
         let known = [trail.states, goals, trail.torques, reached, kept.observations.ptr, kept.rows.ptr, kept.seen[0].ptr, kept.seen[1].ptr];
         let of_steps = [shares.ptr, kept.ends.ptr, asked.ptr, actions.ptr, means.ptr, by_seen.ptr, by_rows.ptr];
         let found = [slope.ptr, by_torques.ptr, pushed.ptr, by_action.ptr, without.ptr, engine.net.targets.ptr, by_spread.ptr];
-        let (scale, outputs, horizon) = (1.0 / (all * config.horizon) as f64, engine.shape.outputs() as i32, kept.horizon as i32);
+        let (scale, outputs, horizon) = (1.0 / config.steps() as f64, engine.shape.outputs() as i32, kept.horizon as i32);
         let at = [&known[..], &of_steps, &found].concat().try_into().map_err(|_| DeviceError("fields of the way back".into()))?;
         let fields = d.upload(&[Fields { at, scale, outputs, horizon }])?;
         let earned = reals(n)?;
