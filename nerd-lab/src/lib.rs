@@ -5,7 +5,6 @@
 #[macro_use(tell)]
 extern crate nerd_train;
 
-pub mod campaign;
 pub mod choice;
 pub mod circles;
 pub mod error;

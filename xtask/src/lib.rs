@@ -15,7 +15,6 @@ macro_rules! say {
     ($($text:tt)*) => { $crate::out::line(format_args!($($text)*)) };
 }
 
-mod campaign;
 mod check;
 mod commands;
 mod dataset;
@@ -74,8 +73,6 @@ enum Verb {
     Live(live::LiveArgs),
     /// List robots, scenes, tasks, models, rows
     List(list::ListArgs),
-    /// Try hostile input: mutated files and command lines, killed runs
-    Campaign(campaign::CampaignArgs),
     /// Format, clippy, circles of imports, docs, tests
     Check(check::CheckArgs),
 }
@@ -112,7 +109,6 @@ fn run(verb: Verb) -> Result<()> {
         Verb::Urdf(args) => urdf::run(args),
         Verb::Live(args) => live::run(args),
         Verb::List(args) => list::run(args),
-        Verb::Campaign(args) => campaign::run(args),
         Verb::Check(args) => check::run(args),
     }
 }

@@ -1,5 +1,5 @@
 //! A URDF that cannot be honoured is refused by name, in one line; no text makes the reader overflow its stack, which urdf-rs
-//! alone does from some ten thousand nested elements. The campaign of `nerd-lab` changes URDFs at random.
+//! alone does from some ten thousand nested elements. The campaign of `xtask` changes URDFs at random.
 
 use super::common::*;
 

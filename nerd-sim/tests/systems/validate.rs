@@ -1,4 +1,4 @@
-//! What a specification says is refused by its key, in one line, where it cannot be. That all else moves finitely is for the campaign.
+//! What a specification says is refused by its key, in one line, where it cannot be. That all else moves finitely is for the campaign of `xtask`.
 
 use super::common::*;
 

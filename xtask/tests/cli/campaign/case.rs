@@ -20,20 +20,20 @@ pub enum Kind {
     Mesh,
 }
 
-const LINES: &str = include_str!("../../assets/campaign/lines.txt");
+const LINES: &str = include_str!("assets/lines.txt");
 
 /// Robots, the small ones more often: a case of theirs takes less time.
 const ROBOTS: &str = "cartpole cartpole pendulum pendulum pendulum cube cube franka ant anymal pendulum-paper cube-paper";
 
 /// A robot of one mesh, and that mesh in the kinds of files that are read.
-const BRICK: &str = include_str!("../../assets/campaign/brick.urdf");
+const BRICK: &str = include_str!("assets/brick.urdf");
 const MESHES: [(&str, &[u8]); 6] = [
-    ("gltf", include_bytes!("../../assets/campaign/brick.gltf")),
-    ("glb", include_bytes!("../../assets/campaign/brick.glb")),
-    ("ply", include_bytes!("../../assets/campaign/brick.ply")),
-    ("ply", include_bytes!("../../assets/campaign/binary.ply")),
-    ("dae", include_bytes!("../../assets/campaign/brick.dae")),
-    ("obj", include_bytes!("../../assets/campaign/brick.obj")),
+    ("gltf", include_bytes!("assets/brick.gltf")),
+    ("glb", include_bytes!("assets/brick.glb")),
+    ("ply", include_bytes!("assets/brick.ply")),
+    ("ply", include_bytes!("assets/binary.ply")),
+    ("dae", include_bytes!("assets/brick.dae")),
+    ("obj", include_bytes!("assets/brick.obj")),
 ];
 
 impl Kind {
@@ -50,12 +50,12 @@ impl Kind {
 
     fn words(self) -> Dictionary {
         match self {
-            Self::Urdf => Dictionary::new(include_str!("../../assets/campaign/urdf.txt"), false),
-            Self::Toml => Dictionary::new(include_str!("../../assets/campaign/toml.txt"), false),
-            Self::Csv => Dictionary::new(include_str!("../../assets/campaign/csv.txt"), false),
-            Self::Model => Dictionary::new(include_str!("../../assets/campaign/model.txt"), false),
-            Self::Line => Dictionary::new(include_str!("../../assets/campaign/line.txt"), true),
-            Self::Mesh => Dictionary::new(include_str!("../../assets/campaign/mesh.txt"), false),
+            Self::Urdf => Dictionary::new(include_str!("assets/urdf.txt"), false),
+            Self::Toml => Dictionary::new(include_str!("assets/toml.txt"), false),
+            Self::Csv => Dictionary::new(include_str!("assets/csv.txt"), false),
+            Self::Model => Dictionary::new(include_str!("assets/model.txt"), false),
+            Self::Line => Dictionary::new(include_str!("assets/line.txt"), true),
+            Self::Mesh => Dictionary::new(include_str!("assets/mesh.txt"), false),
         }
     }
 

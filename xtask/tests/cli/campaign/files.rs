@@ -1,39 +1,36 @@
 //! Files of cases: good ones that they are made from, what is like these and is not, and whether those that the program wrote are whole.
 
+use std::collections::BTreeMap;
+use std::path::Path;
 use std::process::Command;
 
-use anyhow::ensure;
+pub use nerd_lab::report::below;
+use nerd_sim::prelude::System;
 use safetensors::tensor::{Dtype, SafeTensors};
 use tempfile::TempDir;
 
-use crate::prelude::*;
-
-pub use crate::report::below;
+use super::program;
 
 pub type Files = BTreeMap<String, Vec<u8>>;
 
-/// In the words of a number that is not finite.
-pub const NOT_FINITE: &str = "not finite";
-
 /// A folder in memory where the system has one: what is written there need not last.
-pub fn scratch() -> Result<TempDir> {
+pub fn scratch() -> TempDir {
     let memory = Path::new("/dev/shm");
-    Ok(if memory.is_dir() { tempfile::tempdir_in(memory) } else { tempfile::tempdir() }?)
+    if memory.is_dir() { tempfile::tempdir_in(memory) } else { tempfile::tempdir() }.expect("a temporary folder")
 }
 
-pub fn write(folder: &Path, files: &Files) -> Result<()> {
+pub fn write(folder: &Path, files: &Files) {
     for (name, bytes) in files {
         let path = folder.join(name);
-        std::fs::create_dir_all(path.parent().unwrap_or(folder))?;
-        std::fs::write(&path, bytes).with_context(|| format!("cannot write {}", path.display()))?;
+        std::fs::create_dir_all(path.parent().unwrap_or(folder)).expect("a folder");
+        std::fs::write(&path, bytes).expect("written");
     }
-    Ok(())
 }
 
 /// Every file below a folder, by name; none where there is no folder.
-pub fn read(folder: &Path) -> Result<Files> {
-    let name = |path: &PathBuf| path.strip_prefix(folder).unwrap_or(path).to_string_lossy().into_owned();
-    below(folder)?.iter().map(|path| Ok((name(path), std::fs::read(path)?))).collect()
+pub fn read(folder: &Path) -> Files {
+    let name = |path: &Path| path.strip_prefix(folder).unwrap_or(path).to_string_lossy().into_owned();
+    below(folder).expect("a folder").iter().map(|path| (name(path), std::fs::read(path).expect("read"))).collect()
 }
 
 /// Says what is wrong with a file that the program wrote, by its ending: it ends where it should, and holds numbers where it should.
@@ -49,7 +46,7 @@ pub fn whole(path: &Path) -> Result<(), String> {
         "csv" => {
             let odd = |cell: &&str| cell.trim().parse::<f64>().is_ok_and(|x| !x.is_finite());
             let text = String::from_utf8_lossy(&bytes);
-            text.split([',', '\n']).find(odd).map_or(Ok(()), |cell| Err(format!("holds {cell}, which is {NOT_FINITE}")))
+            text.split([',', '\n']).find(odd).map_or(Ok(()), |cell| Err(format!("holds {cell}, which is not finite")))
         }
         "safetensors" => tensors(&bytes),
         "tmp" => Err("left over".into()),
@@ -67,18 +64,18 @@ fn tensors(bytes: &[u8]) -> Result<(), String> {
         _ => true,
     };
     let wrong = file.tensors().into_iter().find(|(name, view)| !name.contains("depths") && !finite(view));
-    wrong.map_or(Ok(()), |(name, _)| Err(format!("`{name}` is {NOT_FINITE}")))
+    wrong.map_or(Ok(()), |(name, _)| Err(format!("`{name}` is not finite")))
 }
 
 const TEXTS: [(&str, &str); 8] = [
-    ("robot.toml", include_str!("../../assets/campaign/robot.toml")),
-    ("robot.urdf", include_str!("../../assets/campaign/robot.urdf")),
+    ("robot.toml", include_str!("assets/robot.toml")),
+    ("robot.urdf", include_str!("assets/robot.urdf")),
     ("robot.csv", "traj,step,arm,d_arm\n0,0,0.1,0.2\n"),
     ("states.csv", "traj,step,q1,q2,qd1,qd2\n0,0,0.1,0.2,0,0\n1,0,-1,0.5,0,1\n"),
-    ("cartpole.csv", include_str!("../../assets/campaign/cartpole.csv")),
-    ("cube.csv", include_str!("../../assets/campaign/cube.csv")),
-    ("driven.csv", include_str!("../../assets/campaign/driven.csv")),
-    ("pendulum.csv", include_str!("../../assets/campaign/pendulum.csv")),
+    ("cartpole.csv", include_str!("assets/cartpole.csv")),
+    ("cube.csv", include_str!("assets/cube.csv")),
+    ("driven.csv", include_str!("assets/driven.csv")),
+    ("pendulum.csv", include_str!("assets/pendulum.csv")),
 ];
 
 /// Trains the smallest model there is.
@@ -86,7 +83,7 @@ const TRAIN: &str = "train --robot pendulum --recipe small --embedding 8 --layer
                      --batch 4 --rollouts 1";
 
 /// Makes the good files in a folder's `f`, with the program itself.
-pub fn build(program: &Path, folder: &Path) -> Result<()> {
+pub fn build(folder: &Path) {
     let mut files: Files = TEXTS.iter().map(|(name, text)| (name.to_string(), text.as_bytes().to_vec())).collect();
     let [(_, spec), (_, xml), ..] = TEXTS;
     let (pendulum, urdf) = System::texts("pendulum").unwrap_or_default();
@@ -106,18 +103,17 @@ pub fn build(program: &Path, folder: &Path) -> Result<()> {
     }
     files.insert("mixed/latin.urdf".into(), b"<robot name=\"\xe9\"/>".into());
     let folder = &folder.join("f");
-    write(folder, &files)?;
+    write(folder, &files);
     for (line, from, to) in [
         ("dataset --robot pendulum --transitions 200 --frames 20".into(), "", "data"),
         ("policy train cartpole-swingup --envs 4 --horizon 4 --iterations 1 --minibatch 8".into(), "policy", "policy"),
         (TRAIN.into(), "model", "paper"),
         (format!("{TRAIN} --stream --sequence 6 --base trapezoid"), "model", "model"),
     ] {
-        let made = tempfile::tempdir()?;
-        let mut command = Command::new(program);
-        let out = command.args(line.split(' ')).arg("--out").arg(made.path()).env("NERD_COMMIT", "campaign").output()?;
-        ensure!(out.status.success(), "`{line}` failed: {}", String::from_utf8_lossy(&out.stderr));
-        write(&folder.join(to), &read(&made.path().join(from))?)?;
+        let made = tempfile::tempdir().expect("a temporary folder");
+        let mut command = Command::new(program());
+        let out = command.args(line.split(' ')).arg("--out").arg(made.path()).env("NERD_COMMIT", "campaign").output().expect("started");
+        assert!(out.status.success(), "`{line}` failed: {}", String::from_utf8_lossy(&out.stderr));
+        write(&folder.join(to), &read(&made.path().join(from)));
     }
-    Ok(())
 }
