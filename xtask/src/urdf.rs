@@ -4,17 +4,14 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
 use nerd_lab::report::{Artifact, Input, Inputs, Provenance};
-use nerd_lab::survey::{STANDING, beside, find, read, standing, standing_beside};
+use nerd_lab::survey::{beside, find, read};
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct UrdfArgs {
     /// Files, or folders to be searched for .urdf and MJCF (.xml)
     #[arg(required = true)]
     pub paths: Vec<PathBuf>,
-    /// Instead: what each does in ten seconds, a free one on a plane: joints held by drives, and without
-    #[arg(long)]
-    pub stand: bool,
-    /// Instead: how far accelerations are from those of MuJoCo, by a Python that has it; with --stand how far it is after a second of that
+    /// Instead: how far accelerations are from those of MuJoCo, by a Python that has it
     #[arg(long, value_name = "PYTHON")]
     pub mujoco: Option<PathBuf>,
     /// Folder to write the table into
@@ -30,12 +27,10 @@ pub fn run(args: UrdfArgs) -> Result<()> {
     if files.is_empty() {
         bail!("no .urdf or MJCF in {}", args.paths.iter().map(|p| p.display().to_string()).collect::<Vec<_>>().join(", "));
     }
-    let n = files.len();
-    let (name, effort, (table, notes)) = match &args.mujoco {
-        Some(python) if args.stand => ("standing_beside_mujoco", n as f64, (standing_beside(&files, python), Vec::new())),
-        Some(python) => ("beside_mujoco", n as f64, (beside(&files, python), Vec::new())),
-        None if args.stand => ("standing", n as f64 * STANDING, (standing(&files), Vec::new())),
-        None => ("urdfs", n as f64, read(&files)),
+    let effort = files.len() as f64;
+    let (name, (table, notes)) = match &args.mujoco {
+        Some(python) => ("beside_mujoco", (beside(&files, python), Vec::new())),
+        None => ("urdfs", read(&files)),
     };
     let tables = vec![table];
     crate::out::tables(&tables);

@@ -15,7 +15,7 @@ mod stand;
 
 use robot::FRAMES;
 pub use robot::{Found, Sizes, Surveyed, find, survey};
-pub use stand::{STANDING, standing, standing_beside, verdict};
+pub use stand::verdict;
 
 use robot::reason;
 

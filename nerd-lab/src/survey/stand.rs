@@ -3,15 +3,8 @@
 
 use nerd_sim::{drive::holding, scene::foot};
 
-use super::each;
-use super::robot::{Found, reason};
-use crate::mujoco::{Referee, Scheme};
 use crate::{prelude::*, roll::rolled};
 
-/// Seconds that each robot of a folder stands.
-pub const STANDING: f64 = 10.0;
-/// Largest step of MuJoCo beside it (s).
-const FINE: f64 = 2.5e-4;
 /// Degrees of freedom of which a second takes seconds.
 const MOST: usize = 200;
 /// Beyond this tilt (rad), or lower by this share of its height, a robot has fallen.
@@ -19,58 +12,6 @@ const TILTED: f64 = 0.35;
 const LOWER: f64 = 0.2;
 /// A joint that is farther (rad or m) from its pose has not been held.
 const HELD: f64 = 0.1;
-
-/// Each robot stands and falls; what cannot has a line.
-pub fn standing(files: &[Found]) -> Table {
-    let rows = each(files, |Found { path, name }| {
-        let system = System::named(&path.display().to_string()).map_err(|e| reason(&e, name));
-        vec![name.clone(), system.map_or_else(|reason| reason, |system| verdict(&system, STANDING))]
-    });
-    let note = "On the plane `plane`, preset `accurate`, contact at points of the robot's own collision shapes. Each joint is held by a drive \
-                inside the substep, `kp = m g L` with its mass and extent, `kd = kp / 20`, efforts as in its URDF.";
-    Table::new("standing", &["file", "what it does"]).with(rows).noted(note)
-}
-
-/// Each robot held and limp for a second beside MuJoCo, which has it as we write it, with contacts of its own, at steps of a fraction of a
-/// millisecond: how far root and joints are apart then.
-pub fn standing_beside(files: &[Found], python: &Path) -> Table {
-    let rows = each(files, |Found { path, name }| {
-        let tried = System::named(&path.display().to_string())
-            .map_err(Error::from)
-            .and_then(|system| Ok([secondly(&system, python, true)?, secondly(&system, python, false)?]));
-        let words = tried.map_or_else(|e| vec![reason(&format!("{e:#}"), name)], |both| both.concat());
-        [name.clone()].into_iter().chain(words).chain(std::iter::repeat("-".into())).take(5).collect()
-    });
-    let header = ["file", "held: height (m)", "held: joints (rad or m)", "limp: height (m)", "limp: joints (rad or m)"];
-    let note = "After a second from the default pose on the plane `plane` (a fixed base: in `free`): difference of the root's height and \
-                largest difference of a joint; in brackets how far MuJoCo is from itself at half the step, and how far it has come. Ours: \
-                preset `accurate`. Held: as in `--stand`.";
-    Table::new("standing_beside_mujoco", &header).with(rows).noted(note)
-}
-
-/// Differences from MuJoCo of root and joints after a second, in words.
-fn secondly(system: &Arc<System>, python: &Path, held: bool) -> Result<Vec<String>> {
-    let (robot, state, frames) = (&system.robot, set_down(system), (1.0 / system.frame_time).ceil() as usize);
-    let scene = system.scene(if robot.floating() { "plane" } else { "free" })?;
-    let mut batch = Batch::new(system, &scene, 1);
-    batch.reset(0, &state);
-    batch.drives = if held { holding(system, &state) } else { Vec::new() };
-    let substeps = (system.frame_time / FINE).ceil() as usize;
-    let mut referee = Referee::new(python, &batch, frames)?;
-    let mut last = |substeps| Ok::<_, Error>(referee.play(Scheme::ImplicitFast, substeps, false)?.frames.pop().unwrap_or_default());
-    let (theirs, finer) = (last(substeps)?, last(2 * substeps)?);
-    let ours = rolled(batch, &mut Articulated::new(ArticulatedConfig::accurate(system)), frames)?.states;
-    let height = |state: &[f64]| if robot.floating() { up(system).dot(&vector(state)) } else { 0.0 };
-    let most = |a: &[f64], b: &[f64]| {
-        let joints = robot.joints().zip(a[robot.root_coords()..].iter().zip(&b[robot.root_coords()..]));
-        joints.map(|(joint, (a, b))| if joint.wraps() { wrap(a - b).abs() } else { (a - b).abs() }).fold(0.0, f64::max)
-    };
-    let word = |far: &dyn Fn(&[f64], &[f64]) -> f64| {
-        let [apart, itself, gone] = [&ours, &finer, &state].map(|other| digits(far(other, &theirs).abs()));
-        format!("{apart} ({itself}; {gone})")
-    };
-    Ok(vec![word(&|a, b| height(a) - height(b)), word(&most)])
-}
 
 /// The default pose, a free root set on the ground.
 fn set_down(system: &System) -> Vec<f64> {
