@@ -21,7 +21,7 @@ use with::{Checks, Outcome};
 type Part = (&'static str, fn(&mut Checks) -> Outcome);
 
 /// In order.
-const PARTS: [Part; 14] = [
+const PARTS: [Part; 13] = [
     ("operations", inference::operations),
     ("windows", inference::windows),
     ("streams", inference::streams),
@@ -29,7 +29,6 @@ const PARTS: [Part; 14] = [
     ("gradients", training::gradients),
     ("updates", training::updates),
     ("chains", training::chains),
-    ("robots", training::robots),
     ("solvers", solvers::solvers),
     ("predictions", solvers::predictions),
     ("slopes", slopes::slopes),

@@ -1,12 +1,8 @@
 //! Gradients and updates, of windows and through frames.
 
-use nerd_model::base::Base;
 use nerd_model::chain::{Chain, ChainSolver};
-use nerd_model::features::Features;
-use nerd_train::prepare::{generate, moments};
 use nerd_train::unroll::chain::{Cable, Loss, scales};
-use nerd_train::unroll::robot::Robot;
-use nerd_train::unroll::{Body, Course, CudaUnrollLearner, Motions, UnrollLearner};
+use nerd_train::unroll::{Course, CudaUnrollLearner, Motions, UnrollLearner};
 
 use crate::with::*;
 
@@ -76,21 +72,6 @@ pub fn chains(checks: &mut Checks) -> Outcome {
     unrolled(checks, &system, model.weights, Course { body, validation: train.clone(), train, frames: 8 })
 }
 
-/// The same of robots that are seen by one token.
-pub fn robots(checks: &mut Checks) -> Outcome {
-    for (robot, base) in [("pendulum", Base::State), ("ant", Base::Trapezoid)] {
-        let system = System::named(robot)?;
-        let (train, inputs) = (motions(&system)?, Features::inputs(&system, base));
-        let solver = || -> Box<dyn Solver> { Box::new(Articulated::new(ArticulatedConfig::implicit(4, Friction::Coulomb))) };
-        let windows = generate(&system, &solver, &record(), (1, base.into()), &|_| ())?.windows;
-        let body = Robot::new(&system, base, &moments(&windows), &train);
-        let paper = TransformerConfig::paper(inputs, Features::outputs(&system), 48);
-        let network = TransformerConfig { layers: 2, heads: 1, block: 1, history: 1, architecture: Architecture::Residual, ..paper };
-        unrolled(checks, &system, weights(network), Course { body, validation: train.clone(), train, frames: 8 })?;
-    }
-    Ok(())
-}
-
 fn record() -> GenerateConfig {
     GenerateConfig { transitions: 64 * 40, frames: 40, ..GenerateConfig::default() }
 }
@@ -100,7 +81,7 @@ fn motions(system: &Arc<System>) -> Outcome<Arc<Motions>> {
     Ok(Arc::new(Motions::record(system, &solver, &record(), &|_| ())?))
 }
 
-fn unrolled<B: Body>(checks: &mut Checks, system: &Arc<System>, weights: Weights, course: Course<B>) -> Outcome {
+fn unrolled(checks: &mut Checks, system: &Arc<System>, weights: Weights, course: Course<Cable>) -> Outcome {
     let (config, state) = (LearnerConfig { average: 0.9, ..settings(24) }, LearnerState::new(weights));
     let mut here = UnrollLearner::new(config, state.clone(), course.clone())?;
     let mut there = CudaUnrollLearner::new(system, config, Precision::F32, state, course)?;

@@ -22,8 +22,11 @@ pub(super) fn engine(plan: &Plan, state: LearnerState, sets: Sets) -> Result<Box
             // A card wants all windows at once.
             Box::new(if device == Device::Wgpu { made.shards(learner.batch, 1) } else { made })
         }
-        (_, Sets::Cable(course)) => unrolled(plan, state, *course)?,
-        (_, Sets::Robot(course)) => unrolled(plan, state, *course)?,
+        (Device::Cpu, Sets::Cable(course)) => unrolled(plan, state, *course)?,
+        (Device::Cpu, Sets::Robot(course)) => unrolled(plan, state, *course)?,
+        #[cfg(feature = "cuda")]
+        (Device::Cuda, Sets::Cable(course)) => Box::new(CudaUnrollLearner::new(&plan.system, learner, precision(plan), state, *course)?),
+        (device, Sets::Cable(_) | Sets::Robot(_)) => refuse!("--device {device} does not train this through many frames: use cpu"),
         #[cfg(feature = "cuda")]
         (Device::Cuda | Device::CudaF32, Sets::Windows([train, validation])) => {
             Box::new(CudaLearner::new(learner, precision(plan), state, [&train, &validation])?)
@@ -38,15 +41,8 @@ fn precision(plan: &Plan) -> Precision {
     if plan.config.f32 { Precision::F32 } else { Precision::Tf32 }
 }
 
-/// What learns through many frames.
+/// What learns through many frames on the CPU.
 fn unrolled<B: Body + 'static>(plan: &Plan, state: LearnerState, course: Course<B>) -> Result<Box<dyn Learner>> {
-    Ok(match plan.config.device {
-        Device::Cpu => {
-            memory::unrolled(&plan.network, course.frames)?;
-            Box::new(UnrollLearner::new(plan.learner, state, course)?)
-        }
-        #[cfg(feature = "cuda")]
-        Device::Cuda => Box::new(CudaUnrollLearner::new(&plan.system, plan.learner, precision(plan), state, course)?),
-        device => refuse!("--device {device} does not train through many frames: use cpu or cuda"),
-    })
+    memory::unrolled(&plan.network, course.frames)?;
+    Ok(Box::new(UnrollLearner::new(plan.learner, state, course)?))
 }

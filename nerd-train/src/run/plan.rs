@@ -161,10 +161,8 @@ impl RunConfig {
                 rolled && self.from.is_none(),
                 "--sequence with --history 1 goes on from a model that knows single frames: give it with --from",
             ),
-            (
-                (chain || rolled) && !matches!(self.device, Device::Cpu | Device::Cuda),
-                "--device: through many frames cpu and cuda train, no other",
-            ),
+            (chain && !matches!(self.device, Device::Cpu | Device::Cuda), "--device: chains are trained on cpu and cuda, no other"),
+            (rolled && self.device != Device::Cpu, "--device: where --sequence rolls out, cpu alone trains"),
             (rolled && self.huber.is_some(), "--huber means nothing where --sequence rolls out"),
             (rolled && self.fresh > 0, "--fresh means nothing where --sequence rolls out"),
             (self.epsilon.is_some() && self.from.is_some(), "--epsilon: the model that --from starts from has its own; leave one out"),

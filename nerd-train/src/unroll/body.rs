@@ -18,12 +18,11 @@ pub struct Widths {
     pub inputs: usize,
     /// Torques of a frame that are seen, the first ones.
     pub torques: usize,
-    /// Threads of a rollout: a block of its own, or none but one thread.
-    pub threads: Option<usize>,
+    /// Threads of a rollout, which is a block of its own.
+    pub threads: usize,
 }
 
-/// How states are seen by a network, moved by its outputs and judged, with the way back of each: vector-Jacobian products by hand, and as
-/// the text of kernels.
+/// How states are seen by a network, moved by its outputs and judged, with the way back of each: vector-Jacobian products by hand.
 pub trait Body: Clone + Send + Sync {
     /// Whether rollouts go on in the next update, so that a network learns from its own states.
     const CARRIED: bool;
@@ -77,7 +76,10 @@ pub trait Body: Clone + Send + Sync {
     }
     /// What a network misses of the change over single frames, as a share of it; of so many frames, at even distances.
     fn missed(&self, motions: &Motions, network: &Loaded, frames: usize) -> f64;
+}
 
+/// A body that has kernels.
+pub trait OnCard: Body {
     /// Of its rows.
     fn widths(&self) -> Widths;
     /// The text of its kernels for so many rollouts, in scenes of at most so many colliders.

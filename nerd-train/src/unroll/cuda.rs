@@ -24,15 +24,12 @@ const KERNELS: [&str; 9] = [
 ];
 /// Recorded states that are sent at a time.
 const SENT: usize = 1 << 16;
-/// Threads of a block where a rollout is a thread.
-const ALONE: usize = 32;
 
 /// Trains a network on motions, as [`super::UnrollLearner`] does.
-pub struct CudaUnrollLearner<B: Body> {
+pub struct CudaUnrollLearner<B: OnCard> {
     widths: Widths,
     config: LearnerConfig,
     course: Course<B>,
-    /// Of the batch.
     /// Where the last update ended; a resumed run restarts all of them.
     ended: Vec<Option<Place<B::View>>>,
     step: u64,
@@ -52,7 +49,7 @@ pub struct CudaUnrollLearner<B: Body> {
     replay: Replay,
 }
 
-impl<B: Body> CudaUnrollLearner<B> {
+impl<B: OnCard> CudaUnrollLearner<B> {
     /// Continues `state`.
     ///
     /// # Errors
@@ -121,11 +118,7 @@ impl<B: Body> CudaUnrollLearner<B> {
     }
 
     fn each(&self, kernel: &str, args: &[Arg]) -> Result<(), DeviceError> {
-        let (blocks, threads) = match self.widths.threads {
-            Some(threads) => (self.network.rows, threads),
-            None => (self.network.rows.div_ceil(ALONE), ALONE),
-        };
-        self.network.device.launch(kernel, (blocks, 1), (threads, 1), 0, args)
+        self.network.device.launch(kernel, (self.network.rows, 1), (self.widths.threads, 1), 0, args)
     }
 
     /// The gradient of an update, followed by the loss.
@@ -171,7 +164,7 @@ struct Recorded {
 }
 
 impl Recorded {
-    fn on<B: Body>(d: &Device, system: &System, body: &B, motions: &Motions, colliders: usize) -> Result<Self, LearnError> {
+    fn on<B: OnCard>(d: &Device, system: &System, body: &B, motions: &Motions, colliders: usize) -> Result<Self, LearnError> {
         let (count, widths) = (motions.len() * (motions.frames + 1), body.widths());
         let truths = d.zeros(count * widths.state)?;
         let states = motions.states();
@@ -192,7 +185,7 @@ impl Recorded {
     }
 }
 
-impl<B: Body> Learner for CudaUnrollLearner<B> {
+impl<B: OnCard> Learner for CudaUnrollLearner<B> {
     fn update(&mut self, lr: f32) -> Result<(), LearnError> {
         let rows = self.drawn()?;
         let d = &self.network.device;

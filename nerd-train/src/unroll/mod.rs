@@ -24,7 +24,7 @@ use crate::prelude::*;
 use body::{bent, table};
 use course::BETA;
 
-pub use body::{Body, Place, ROLLOUT, Widths, join};
+pub use body::{Body, OnCard, Place, ROLLOUT, Widths, join};
 pub use course::Course;
 #[cfg(feature = "cuda")]
 pub use cuda::CudaUnrollLearner;

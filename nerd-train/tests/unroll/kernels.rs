@@ -1,13 +1,13 @@
 //! The kernels of rollouts against the CPU's, without a device: their text is compiled as C++ and run on the CPU.
 
 use nerd_model::device::padded;
-use nerd_train::unroll::{Widths, chain::View};
+use nerd_train::unroll::{OnCard, Widths, chain::View};
 
 pub use crate::common::models::{some, worse, worst as apart};
 use crate::*;
 
-/// Rollouts of a body that are compared.
-pub const ROLLOUTS: usize = 24;
+/// Rollouts that are compared.
+const ROLLOUTS: usize = 24;
 /// Frame whose loss is counted, counted from 0; the share of it that the programs take, too.
 const FRAME: usize = 3;
 const WEIGHT: f64 = 0.7;
@@ -16,16 +16,6 @@ const WEIGHT: f64 = 0.7;
 pub trait Numbers {
     fn numbers(&self) -> Vec<f64>;
     fn set(&mut self, numbers: &[f64]);
-}
-
-impl Numbers for Vec<f64> {
-    fn numbers(&self) -> Vec<f64> {
-        self.clone()
-    }
-
-    fn set(&mut self, numbers: &[f64]) {
-        self.copy_from_slice(numbers);
-    }
 }
 
 impl Numbers for Rods {

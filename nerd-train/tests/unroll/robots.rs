@@ -1,9 +1,9 @@
-//! Robots seen by one token: slopes through frames, their kernels against the CPU, and that rollouts come nearer to the truth.
+//! Robots seen by one token: slopes through frames, and that rollouts come nearer to the truth.
 
 use nerd_train::prepare::generate;
 use nerd_train::unroll::robot::Robot;
 
-use crate::kernels::{ROLLOUTS, apart, apart_on_cpu, exact, some, worse};
+use crate::kernels::{apart, some, worse};
 use crate::*;
 
 /// As the paper has it, with positions that go with their velocities, and with velocities of contact points.
@@ -106,18 +106,4 @@ fn rollouts_come_nearer_to_the_truth() {
     }
     println!("share of a change that is missed: {missed:?}");
     assert!(missed[1] < 0.8 * missed[0] && missed[3] < 0.9 * missed[1], "shares of a change that are missed: {missed:?}");
-}
-
-#[test]
-fn kernels_roll_robots_out_and_back_as_the_cpu_does() {
-    let Some(compiler) = cpp::Compiler::find() else { return };
-    for (robot, form) in forms() {
-        let (system, motions, normalizer) = case(robot, form);
-        let body = Robot::new(&system, form, &normalizer, &motions);
-        let starts: Vec<_> = (0..ROLLOUTS).map(|i| Place { motion: i, frame: i % 30, view: () }).collect();
-        let shape = (1, Features::inputs(&system, form), system.robot.state_dim());
-        let (worst, _) = apart_on_cpu(&compiler, (&body, &system, &motions), &starts, shape);
-        println!("{robot}, {form:?}: after, tokens, loss, its slopes, by outputs, by the state: {worst:?} off");
-        assert!(exact(worst, 1e-8), "{robot}, {form:?}: {worst:?}");
-    }
 }

@@ -99,11 +99,13 @@ impl Body for Cable {
     fn missed(&self, motions: &Motions, network: &Loaded, frames: usize) -> f64 {
         missed(&self.chain, motions, network, &self.scale, frames)
     }
+}
 
-    /// On the kernels of a chain's frames, in 64 bits, a block a rollout.
+/// On the kernels of a chain's frames, in 64 bits.
+impl OnCard for Cable {
     fn widths(&self) -> Widths {
         let rods = self.chain.rods;
-        let threads = Some(rods.next_multiple_of(32).min(128));
+        let threads = rods.next_multiple_of(32).min(128);
         Widths { state: numbers(&self.chain), kept: 4 * rods, inputs: rods * INPUTS, torques: 6, threads }
     }
 

@@ -3,8 +3,6 @@
 use nerd_core::state::wrap_state;
 use nerd_core::tangent::{difference, difference_back};
 use nerd_model::around::Around;
-use nerd_model::device::{settings, slope_functions};
-use nerd_sim::articulated::device::Reach;
 
 use super::*;
 
@@ -163,27 +161,5 @@ impl Body for Robot {
         };
         let sums: Vec<(f64, f64)> = rows.par_iter().map_init(|| (self.memory(), Memory::default()), one).collect();
         sums.iter().map(|s| s.0).sum::<f64>() / sums.iter().map(|s| s.1).sum::<f64>().max(1e-300)
-    }
-
-    /// On the kernels of a model's frames, in 64 bits, a thread a rollout.
-    fn widths(&self) -> Widths {
-        let Around { system, form, .. } = &self.around;
-        let (robot, inputs) = (&system.robot, Features::inputs(system, *form));
-        Widths { state: robot.state_dim(), kept: 0, inputs, torques: robot.joint_count(), threads: None }
-    }
-
-    fn program(&self, system: &Arc<System>, rollouts: usize, colliders: usize) -> String {
-        let text = slope_functions(self.around.form, &self.around.normalizer, system, Reach { colliders, ..Reach::default() });
-        let text = text + &format!("#define SHARE {SHARE:e}\n#define ROLLOUTS {rollouts}\n");
-        let own = [include_str!("../shared.cuh"), include_str!("robot.cuh"), include_str!("robot_frame.cuh")];
-        text + &table("UNIT", &self.units) + &table("COUNTS", &self.weights) + &own.concat()
-    }
-
-    fn settings() -> ArticulatedConfig {
-        settings()
-    }
-
-    fn numbers((): &()) -> [f64; 4] {
-        [0.0; 4]
     }
 }
