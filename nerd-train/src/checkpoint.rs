@@ -113,8 +113,9 @@ impl Best {
 }
 
 /// SHA-256 of weights, as lower-case hex.
-pub(crate) fn hash(weights: &Weights) -> String {
-    Sha256::digest(bytes(&weights.flat)).iter().map(|b| format!("{b:02x}")).collect()
+fn hash(weights: &Weights) -> String {
+    let bytes: Vec<u8> = weights.flat.iter().flat_map(|x| x.to_le_bytes()).collect();
+    Sha256::digest(bytes).iter().map(|b| format!("{b:02x}")).collect()
 }
 
 fn json(config: &TransformerConfig) -> String {

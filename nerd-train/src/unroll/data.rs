@@ -47,7 +47,7 @@ impl Motions {
             let recording = record(system, &mut *solver(), config, first, count)?;
             Ok((recording, begin(system, config, first, count)?.scenes))
         };
-        Ok(Self::joined(recorded(system, config, (0, 1), progress, shard)?))
+        Ok(Self::joined(recorded(system, config, progress, shard)?))
     }
 
     /// Those of a recording in one scene.
