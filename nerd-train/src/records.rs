@@ -4,7 +4,7 @@
 use std::fs::{File, OpenOptions};
 use std::io::Write;
 
-use nerd_sim::files::{Claim, claim, share};
+use nerd_sim::files::{Claim, claim};
 
 use crate::prelude::*;
 use crate::provenance::{Provenance, machine};
@@ -12,11 +12,6 @@ use crate::provenance::{Provenance, machine};
 /// A folder that this process alone writes.
 pub fn claimed(folder: &Path) -> Result<Claim> {
     claim(folder).map_err(|e| Error::Refused(format!("--out: {e}")))
-}
-
-/// A folder that processes write together.
-pub(crate) fn shared(folder: &Path) -> Result<Claim> {
-    share(folder).map_err(|e| Error::Refused(format!("--out: {e}")))
 }
 
 /// An open record.

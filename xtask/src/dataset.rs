@@ -1,10 +1,8 @@
 //! `cargo xtask dataset --robot pendulum --out data/pendulum`: trajectories of a truth as safetensors shards, whatever `train` can
 //! learn from.
 //!
-//! A shard is written whole or not at all; the same command again keeps existing shards and makes missing ones. `--part 3/8` makes the
-//! third of eight parts, into the same folder as the others.
+//! A shard is written whole or not at all; the same command again keeps existing shards and makes missing ones.
 
-use nerd_sim::dataset::Part;
 use nerd_train::run::RecordConfig;
 
 use crate::{options::TRANSITIONS, prelude::*};
@@ -19,24 +17,17 @@ pub struct DatasetArgs {
     /// Transitions in all, rounded up to whole trajectories
     #[arg(long, default_value_t = 1_000_000, value_parser = value::<usize>(Whole(TRANSITIONS)))]
     pub transitions: usize,
-    /// One of n parts, i/n, for machines that share the work: parts may be made at once, in any order, and again; the last one
-    /// writes the manifest, and the folder is as if it had been made at once
-    #[arg(long, value_name = "I/N", default_value_t = Part::WHOLE, hide_default_value = true)]
-    pub part: Part,
     /// Folder of the shards
     #[arg(long, value_name = "FOLDER")]
     pub out: PathBuf,
 }
 
 pub fn run(args: DatasetArgs) -> Result<()> {
-    let (system, part) = (System::named(&args.robot)?, args.part);
+    let system = System::named(&args.robot)?;
     nerd_train::progress::notes(&system);
     let config = args.keys.settings()?;
     let started = std::time::Instant::now();
-    let Some(manifest) = config.write(&system, args.transitions, part, &args.out)? else {
-        say!("part {part} is there; {} is complete once all parts are", args.out.display());
-        return Ok(());
-    };
+    let manifest = config.write(&system, args.transitions, &args.out)?;
     let (n, seconds) = (manifest.trajectories * manifest.frames, started.elapsed().as_secs_f64());
     say!(
         "{n} transitions in {} shards, {seconds:.1} s, {:.0} transitions/s, sha256 {}",

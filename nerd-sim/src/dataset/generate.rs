@@ -1,9 +1,7 @@
 //! Random trajectories: a start from the system's box, a random scene, fresh random torques every frame.
 
-use std::collections::HashMap;
-
 use super::begin::Begun;
-use super::config::{GenerateConfig, Part};
+use super::config::GenerateConfig;
 use super::manifest::{Manifest, header};
 use super::shard::{DatasetError, FORMAT, Recording, read_shard, sha256_of, write_shard};
 use crate::{disturb::blur, internal::*};
@@ -91,21 +89,6 @@ pub fn generate(
     folder: &Path,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Manifest, DatasetError> {
-    let made = generate_part(system, solver, truth, config, Part::WHOLE, folder, progress)?;
-    made.ok_or_else(|| FileError::new(folder, "another process removed or changed its shards").into())
-}
-
-/// The same of a part of the shards. Whoever finds that all of them are there writes `manifest.json`: then the folder is, byte by byte,
-/// what [`generate`] would have written. None as long as shards of other parts are missing.
-pub fn generate_part(
-    system: &Arc<System>,
-    solver: &mut dyn Solver,
-    truth: &str,
-    config: &GenerateConfig,
-    part: Part,
-    folder: &Path,
-    progress: &mut dyn FnMut(usize, usize),
-) -> Result<Option<Manifest>, DatasetError> {
     config.check(system)?;
     if let Some(other) = Manifest::read(folder).ok().filter(|other| other.robot != system.name) {
         let reason = format!("holds data of robot `{}`; take another folder for `{}`, or delete it", other.robot, system.name);
@@ -116,10 +99,8 @@ pub fn generate_part(
         let (recording, found) = read_shard(&folder.join(&shard.name)).ok()?;
         (found == shard.header(&identity, config)).then(|| recording.sha256())
     };
-    let mine = || shards.iter().enumerate().filter(|(k, _)| part.holds(*k)).map(|(_, shard)| shard);
-    let total: usize = mine().map(|shard| shard.count * config.frames).sum();
-    let (mut hashes, mut done) = (HashMap::new(), 0);
-    for shard in mine() {
+    let (mut hashes, mut done, total) = (Vec::new(), 0, config.trajectories() * config.frames);
+    for shard in &shards {
         let hash = match there(shard) {
             Some(hash) => hash,
             None => {
@@ -132,16 +113,10 @@ pub fn generate_part(
                 recording.sha256()
             }
         };
-        hashes.insert(shard.first, hash);
+        hashes.push(hash);
         done += shard.count * config.frames;
         progress(done, total);
     }
-    // Names are looked at first: to read all shards takes its time.
-    if shards.iter().any(|shard| !folder.join(&shard.name).exists()) {
-        return Ok(None);
-    }
-    let hash = |shard: &Shard| hashes.get(&shard.first).copied().or_else(|| there(shard));
-    let Some(hashes) = shards.iter().map(hash).collect::<Option<Vec<_>>>() else { return Ok(None) };
     let manifest = Manifest {
         format: Some(FORMAT),
         robot: system.name.clone(),
@@ -157,7 +132,7 @@ pub fn generate_part(
     let path = Manifest::path(folder);
     let text = serde_json::to_string_pretty(&manifest).map_err(|e| FileError::new(&path, e))?;
     crate::files::write(&path, text.as_bytes()).map_err(|e| FileError::new(&path, e))?;
-    Ok(Some(manifest))
+    Ok(manifest)
 }
 
 /// Removes a file, if it is there.

@@ -8,8 +8,8 @@ mod manifest;
 mod shard;
 
 pub use begin::begin;
-pub use config::{GenerateConfig, Part};
+pub use config::GenerateConfig;
 pub use drive::{Act, Drive, Pilot, Smooth};
-pub use generate::{generate, generate_part, record};
+pub use generate::{generate, record};
 pub use manifest::Manifest;
 pub use shard::{DatasetError, FORMAT, Recording, read_shard, sha256_of, write_shard};

@@ -1,4 +1,4 @@
-//! Locks: on a folder of results, for one writer at a time or several that share it, and on partial files, so that those left by killed
+//! Locks: on a folder of results, for one writer at a time, and on partial files, so that those left by killed
 //! writers are known. A lock ends with its process. On a file system without locks nothing is refused or removed.
 
 use std::fs::{File, TryLockError};
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
 
-/// A folder claimed by [`claim`] or [`share`], until this is dropped or the process ends, however it does. Folders that were made by the
+/// A folder claimed by [`claim`], until this is dropped or the process ends, however it does. Folders that were made by the
 /// claim and are still empty then go with it.
 #[derive(Debug)]
 pub struct Claim {
@@ -19,23 +19,13 @@ pub struct Claim {
 /// Claims a folder of results, which is made if absent.
 /// Refused if another process, or another claim of this one, writes there.
 pub fn claim(folder: &Path) -> Result<Claim> {
-    locked(folder, File::try_lock)
-}
-
-/// Claims a folder together with others who share it: with files of their own each, or the same bytes.
-/// Refused if another process has it for itself.
-pub fn share(folder: &Path) -> Result<Claim> {
-    locked(folder, File::try_lock_shared)
-}
-
-fn locked(folder: &Path, lock: fn(&File) -> std::result::Result<(), TryLockError>) -> Result<Claim> {
     let named = |e: Error| Error::new(e.kind(), format!("{}: {e}", folder.display()));
     // A claim that ends may remove the folder just before it is locked here: then it is made again.
     for _ in 0..100 {
         let made = folder.ancestors().take_while(|f| !f.as_os_str().is_empty() && !f.exists()).map(PathBuf::from).collect();
         std::fs::create_dir_all(folder).map_err(named)?;
         let Ok((file, path)) = opened(folder) else { continue };
-        match lock(&file) {
+        match file.try_lock() {
             Err(TryLockError::WouldBlock) => {
                 let text = format!("{} is in use: another process writes there; wait for it, or choose another folder", folder.display());
                 return Err(Error::new(ErrorKind::WouldBlock, text));

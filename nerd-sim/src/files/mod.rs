@@ -6,7 +6,7 @@ use std::fs::OpenOptions;
 use std::io::{Error, Result, Write};
 use std::path::{Path, PathBuf};
 
-pub use lock::{Claim, claim, share};
+pub use lock::{Claim, claim};
 
 /// What is wrong with a file; one line.
 #[derive(Debug, thiserror::Error)]

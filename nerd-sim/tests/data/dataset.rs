@@ -2,7 +2,7 @@
 
 use std::{f64::consts::PI, path::Path};
 
-use nerd_sim::dataset::{GenerateConfig, Manifest, Part, generate, generate_part, read_shard, record};
+use nerd_sim::dataset::{GenerateConfig, Manifest, generate, read_shard, record};
 use nerd_sim::prelude::*;
 
 use crate::common::{built_in, changed, line};
@@ -52,29 +52,6 @@ fn an_interrupted_generation_ends_with_the_bytes_of_an_unbroken_one() {
     assert!(error.contains("shard-00000.safetensors") && error.contains("SHA-256"), "{error}");
     assert_eq!(make(folder.path(), 3, 20), first, "its manifest is that of the undamaged one");
     assert!(bytes(folder.path()) == whole, "made anew to the byte");
-}
-
-#[test]
-fn parts_in_any_order_are_the_whole_once_all_are_there() {
-    let system = built_in("pendulum");
-    let config = GenerateConfig { transitions: 500, frames: 5, seed: 3, shard_trajectories: 15, ..Default::default() };
-    let mut truth = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));
-    let mut made = |part: &str, config: &GenerateConfig, folder: &Path| {
-        let part = part.parse().expect("a part");
-        generate_part(&system, &mut truth, "articulated paper coulomb", config, part, folder, &mut |_, _| ()).expect("made")
-    };
-    let (whole, parts) = (tempfile::tempdir().expect("temporary folder"), tempfile::tempdir().expect("temporary folder"));
-    made("1/1", &config, whole.path()).expect("whole");
-    // A shard of other settings lies where the third one belongs.
-    made("3/3", &GenerateConfig { seed: 4, ..config.clone() }, parts.path());
-    for (part, complete) in [("3/4", false), ("1/4", false), ("1/4", false), ("4/4", false), ("2/4", true)] {
-        assert_eq!(made(part, &config, parts.path()).is_some(), complete, "part {part}");
-        assert_eq!(parts.path().join("manifest.json").exists(), complete, "part {part}");
-    }
-    assert!(bytes(parts.path()) == bytes(whole.path()), "parts differ from the whole");
-    for text in ["", "1", "0/1", "2/1", "1/0", "-1/2", "1/2/3", "1.5/2", "1/99999999"] {
-        assert!(text.parse::<Part>().is_err(), "`{text}` is a part");
-    }
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Recording of a robot's motion: by `dataset` into a folder, by `train` in memory.
 
-use nerd_sim::dataset::{Manifest, Part, Pilot};
+use nerd_sim::dataset::{Manifest, Pilot};
 
 use super::*;
 use crate::bounds::{self, FRAMES, SEEDS};
@@ -99,9 +99,8 @@ impl RecordConfig {
         Ok(format!("in {} % of the trajectories: {}", (1e4 * self.policy_share).round() / 100.0, names.join(", ")))
     }
 
-    /// Records so many transitions, or a part of them, into a folder, shards that are there already kept; the manifest once all parts are
-    /// there. Parts share the folder, else one process at a time writes there.
-    pub fn write(&self, system: &Arc<System>, transitions: usize, part: Part, folder: &Path) -> Result<Option<Manifest>> {
+    /// Records so many transitions into a folder, shards that are there already kept.
+    pub fn write(&self, system: &Arc<System>, transitions: usize, folder: &Path) -> Result<Manifest> {
         let robot = &system.robot;
         // A shard is recorded, turned into bytes and written: three times its numbers.
         let trajectories = transitions.div_ceil(self.frames.max(1)).min(GenerateConfig::default().shard_trajectories);
@@ -109,11 +108,11 @@ impl RecordConfig {
         bounds::memory(&[("trajectories of a shard", trajectories), ("--frames", self.frames)], 24 * row)?;
         bounds::time(&[("--transitions", transitions), ("substeps", system.spec.substeps)])?;
         let config = self.of(system, transitions)?;
-        let _claim = if part.whole() { claimed(folder) } else { shared(folder) }?;
+        let _claim = claimed(folder)?;
         let bar = bar("transitions", (config.trajectories() * config.frames) as u64);
         let (mut solver, truth) = (self.truth(system).solver(system), self.truth(system).name());
         let tell = &mut |done: usize, _: usize| bar.set(done as u64);
-        let manifest = nerd_sim::dataset::generate_part(system, &mut *solver, &truth, &config, part, folder, tell)?;
+        let manifest = nerd_sim::dataset::generate(system, &mut *solver, &truth, &config, folder, tell)?;
         bar.finish();
         Ok(manifest)
     }

@@ -1,6 +1,5 @@
 //! Runs from their settings: files, options over them, chains, and what comes out.
 
-use nerd_sim::dataset::Part;
 use nerd_train::settings::Settings;
 
 use crate::*;
@@ -111,7 +110,7 @@ fn a_data_set_holds_what_a_run_would_have_recorded() {
     let mut read = tiny(folder.path().join("read"));
     let data = folder.path().join("data");
     let system = System::named("pendulum").expect("built in");
-    alone.record.write(&system, alone.transitions, Part::WHOLE, &data).expect("shards").expect("all of them");
+    alone.record.write(&system, alone.transitions, &data).expect("shards");
     read.data = Some(data);
     let train = |run: &RunConfig| weights(Run::new(run).expect("settings").train().expect("trained"));
     assert!(train(&alone) == train(&read), "data from a folder led to other weights");
