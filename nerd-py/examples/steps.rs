@@ -60,7 +60,7 @@ fn on_card(n: usize) -> Outcome<[Once; 2]> {
     let mut simulation = ants(n, |system| Ok(resident(&Setting::Accurate, system, Real::F32, Precision::F16)?))?;
     let mut states = SharedStates::new(&mut simulation)?;
     let mut episodes = CudaEpisodes::new(Arena::Card(Setting::Accurate).episodes("ant-run", n, 0)?)?;
-    let (device, actions) = (nerd_cuda::Device::open(nerd_cuda::ordinal(), "", &[])?, episodes.upload(&vec![0.0; n * 8])?);
+    let (device, actions) = (nerd_cuda::Device::open("", &[])?, episodes.upload(&vec![0.0; n * 8])?);
     let torques = device.upload(&vec![0.0; n * 8])?;
     let frame = move |last: bool| -> Outcome {
         states.step(&mut simulation, torques.ptr)?;

@@ -42,7 +42,7 @@ impl SharedStates {
     /// # Errors
     /// As [`Self::hold`].
     pub fn new(simulation: &mut Simulation) -> Result<Self, StepError> {
-        let device = Device::open(nerd_cuda::ordinal(), KERNELS, &["take", "give"]).map_err(failed)?;
+        let device = Device::open(KERNELS, &["take", "give"]).map_err(failed)?;
         let (states, went) = (device.zeros(simulation.batch.states.len()), device.zeros(simulation.batch.len()));
         let mut shared = Self { states: Arc::new(states.map_err(failed)?), went: went.map_err(failed)?, stepped: false, device };
         shared.hold(simulation)?;

@@ -46,7 +46,7 @@ impl CudaEpisodes {
     /// # Errors
     /// If it does not; else what of task, scene or robot has no kernel, or that there is no GPU or not enough memory.
     pub fn new(mut episodes: Episodes) -> Result<Self> {
-        let device = Device::open(nerd_cuda::ordinal(), EPISODES, &["offer", "show"])?;
+        let device = Device::open(EPISODES, &["offer", "show"])?;
         let (n, about) = (episodes.len(), episodes.task.about());
         let (seen, wide) = (n * about.observation, |len: usize| device.zeros::<f64>(len));
         let single = |len: usize| device.zeros::<f32>(len);
