@@ -7,7 +7,6 @@ use crate::bounds::{self, FRAMES, SEEDS};
 use crate::device::truth_on_card;
 use crate::ppo::Policies;
 use crate::prepare::{Prepared, generate};
-use crate::records::shared;
 
 /// Motions that one thread records: on the CPU few, so that all have some; on a card, which is shared by all of them, many.
 const ON_CPU: usize = 16;

@@ -108,7 +108,7 @@ impl Held {
             scene_of: device.zeros(n)?,
             faults: device.zeros(n)?,
             done: device.zeros(n)?,
-            sender: Sender::new(device)?,
+            sender: Sender::new()?,
             forces: device.zeros(3 * n * robot.contact_points.len())?,
             watched: false,
             scenes: Vec::new(),

@@ -53,8 +53,7 @@ pub(crate) struct Sender {
 }
 
 impl Sender {
-    /// To the GPU of `device`.
-    pub(crate) fn new(device: &Device) -> Result<Self, DeviceError> {
+    pub(crate) fn new() -> Result<Self, DeviceError> {
         let device = Device::open(SPREAD, &["spread"])?;
         Ok(Self { sent: device.zeros(0)?, packed: Vec::new(), device })
     }
