@@ -1,6 +1,6 @@
 //! Experiments on the smallest settings: what they measure, what they refuse, and what becomes of their results.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use nerd_lab::experiments::calibrated::{CalibratedAll, Calibration, Runs};
 use nerd_lab::experiments::motions::{MotionErrors, Motions, Row as MotionRow};
@@ -13,7 +13,6 @@ use nerd_model::{base::Base, pick::Setting, transformer::Storage};
 use nerd_sim::prelude::*;
 use nerd_tasks::named;
 use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport};
-use nerd_train::ppo::folder::{PolicyConfig, save};
 use nerd_train::ppo::{Arena, Policy, PpoConfig, Shape};
 
 #[path = "../../nerd-model/tests/common/mod.rs"]

@@ -27,7 +27,7 @@ fn config(data: GenerateConfig, normalizer: &Normalizer, step: u64) -> SupplyCon
 }
 
 fn supply(system: &Arc<System>, normalizer: &Normalizer, step: u64) -> Supply {
-    Supply::new(&Arc::default(), system, solver, config(data(SLOTS), normalizer, step)).unwrap()
+    Supply::new(system, solver, config(data(SLOTS), normalizer, step)).unwrap()
 }
 
 #[test]
@@ -83,7 +83,7 @@ fn less_than_a_shard_is_refused() {
     let system = System::named("cartpole").unwrap();
     let normalizer = moments(&recorded(&system, SLOTS));
     let refused = |data: GenerateConfig| {
-        let supply = Supply::new(&Arc::default(), &system, solver, config(data, &normalizer, 0));
+        let supply = Supply::new(&system, solver, config(data, &normalizer, 0));
         supply.err().map(|e| e.to_string()).unwrap_or_default()
     };
     let half = GenerateConfig { transitions: SHARD * FRAMES / 2, ..data(1) };
