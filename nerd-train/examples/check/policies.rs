@@ -28,7 +28,7 @@ struct Side {
 impl Side {
     /// Whose episodes are stepped on the card, or by their own solver.
     fn new(episodes: Episodes, on_card: bool, shape: &Shape, config: &PpoConfig) -> Outcome<Self> {
-        let (running, mut engine) = (Running::new(&episodes, shape.stack), CudaEngine::new(shape, config, &Default::default())?);
+        let (running, mut engine) = (Running::new(&episodes, shape.stack), CudaEngine::new(shape, config)?);
         engine.steps_episodes = on_card;
         Ok(Self { episodes, engine, running })
     }

@@ -40,7 +40,7 @@ fn iteration(task: &str, arena: &Arena, on_card: bool) -> Outcome<Found> {
     let mut policy = Trainer::new(arena.episodes(task, N, 3)?, config.clone(), 2)?.state.policy;
     policy.seen.update(episodes.observations());
     let mut running = Running::new(&episodes, 1);
-    let mut shac = Shac::new(&mut episodes, &mut policy, &config, 4, &Default::default())?;
+    let mut shac = Shac::new(&mut episodes, &mut policy, &config, 4)?;
     // A critic that has learned nothing has no slope.
     for (name, numbers) in shac.learned()?.into_iter().take(2) {
         let offset = if name == "critic" { 0 } else { 7 };

@@ -14,9 +14,9 @@ fn model(robot: &str) -> Arena {
 /// J and the gradient of `-J` after some steps, of a policy that is moved by so much along a direction.
 fn rolled(arena: &Arena, task: &str, config: &PpoConfig, by: f64, along: &[f64]) -> (f64, Vec<f32>) {
     let named = nerd_tasks::named(task).expect("registered");
-    let Trainer { mut episodes, mut state, .. } = arena.trainer(named, config.clone(), 3, &Default::default()).expect("a run");
+    let Trainer { mut episodes, mut state, .. } = arena.trainer(named, config.clone(), 3).expect("a run");
     let mut running = Running::new(&episodes, 1);
-    let mut engine = Shac::new(&mut episodes, &mut state.policy, config, 4, &Default::default()).expect("slopes");
+    let mut engine = Shac::new(&mut episodes, &mut state.policy, config, 4).expect("slopes");
     // No action comes to its bounds, where slopes that lead inside are more than J has.
     let spread = state.policy.flat.len() - state.policy.shape.action;
     state.policy.flat[spread..].fill(-3.0);
@@ -73,7 +73,7 @@ fn centre(algorithm: Algorithm, steps: usize) -> Trainer {
     let text = "environments = 16\nhorizon = 16\nminibatch = 128\nepochs = 4\nhidden = [32]\nactivation = \"elu\"\n";
     let mut config = PpoConfig { algorithm, ..PpoConfig::from_text(text).expect("settings") };
     (config.iterations, config.rate) = ((steps / config.steps()) as u64, if algorithm == Algorithm::Shac { 1e-2 } else { config.rate });
-    model("cartpole").trainer(Box::new(Centre), config, 1, &Default::default()).expect("a run")
+    model("cartpole").trainer(Box::new(Centre), config, 1).expect("a run")
 }
 
 #[test]
@@ -115,7 +115,7 @@ fn a_resumed_run_equals_an_unbroken_one() {
 fn what_has_no_slopes_is_refused_before_a_step() {
     let begun = |task: &str, arena: &Arena, config: PpoConfig| {
         let task = nerd_tasks::named(task).expect("registered");
-        arena.trainer(task, config, 1, &Default::default()).map(drop)
+        arena.trainer(task, config, 1).map(drop)
     };
     let truth = Arena::Judge(Setting::Implicit(1));
     let shac = |task: &str| PpoConfig { environments: 1, ..PpoConfig::shac(task).expect("settings") };
@@ -171,8 +171,8 @@ fn an_environment_without_finite_slopes_is_left_out_and_begins_anew() {
         let make = move |system: &Arc<System>, _: &Arc<Scene>| Ok(Box::new(Lost { inner: inner(system), beyond, said }) as Box<dyn Solver>);
         let arena = Arena::Guest("lost".into(), Arc::new(make));
         let task = nerd_tasks::named("cartpole-swingup").expect("registered");
-        let Trainer { mut episodes, mut state, .. } = arena.trainer(task, config.clone(), 3, &Default::default()).expect("a run");
-        let mut engine = Shac::new(&mut episodes, &mut state.policy, &config, 4, &Default::default()).expect("slopes");
+        let Trainer { mut episodes, mut state, .. } = arena.trainer(task, config.clone(), 3).expect("a run");
+        let mut engine = Shac::new(&mut episodes, &mut state.policy, &config, 4).expect("slopes");
         let noise = StreamKey { seed: 5, number: 0 };
         let on = Stage { episodes: &mut episodes, running: &mut state.running, policy: &state.policy, config: &config, noise };
         let taken = engine.roll(on).expect("a rollout");

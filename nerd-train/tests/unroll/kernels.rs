@@ -51,7 +51,7 @@ const NEAR: &str = "    EVERY unroll_end(WORLD_OF(0), b[6], K + 1, b[15]);\n";
 /// A body's rollouts by its kernels against the CPU's, from these places on: largest differences of the states before and after a frame, its
 /// tokens, the loss, its slopes, those by outputs and by the state before; and the CPU's tokens. `rows` tokens have so many `inputs` and
 /// `outputs`.
-pub fn apart_on_cpu<B: Body<State: Numbers, Slope: Numbers>>(
+pub fn apart_on_cpu<B: OnCard<State: Numbers, Slope: Numbers>>(
     compiler: &cpp::Compiler,
     (body, system, motions): (&B, &Arc<System>, &Motions),
     starts: &[Place<B::View>],
