@@ -214,7 +214,7 @@ const replay = (() => {
       context.beginPath();
       for (const seen of shadows.filter(seen => seen.every(p => p[2] > near))) trace(context, seen);
       context.fill();
-      context.stroke();
+      if (shadows.some(seen => seen.length === 2)) context.stroke();
       polygons.sort((a, b) => b[0] - a[0]);
       for (const [, colour, seen, width] of polygons) {
         context.fillStyle = context.strokeStyle = colour;
