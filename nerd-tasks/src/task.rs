@@ -105,6 +105,11 @@ pub trait Task: Send + Sync {
         0
     }
 
+    /// Names and ranges of a goal's numbers, of a task that names them.
+    fn commands(&self) -> Vec<(String, [f64; 2])> {
+        Vec::new()
+    }
+
     /// Numbers at a goal's end that are the last action and the one before it, zeros at first: none, or two of each. Whoever steps a task
     /// writes them by [`Task::remember`].
     fn memory(&self) -> usize {

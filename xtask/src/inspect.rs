@@ -22,7 +22,22 @@ pub fn run(args: InspectArgs) -> Result<()> {
     if System::texts(&system.name).is_none() && system.source != Source::Cable {
         say!("like = \"urdf\"");
     }
-    say!("{}", system.spec_text());
-    say!("# {}", verdict(&system, 1.0));
+    if joints > 0 {
+        say!("# [[joint]]: default (limits), gain, kp, kd, armature");
+    }
+    for (joint, own) in system.robot.joints().zip(system.joint_specs()) {
+        let limits = joint.limit.map_or("no limits".into(), |limit| format!("{:.3} to {:.3}", limit.lower, limit.upper));
+        let gain = own.gain.unwrap_or(own.torque);
+        say!("#   {}: {:.3} ({limits}), {gain}, {}, {}, {}", joint.name, own.default, own.kp, own.kd, joint.armature);
+    }
+    let mut shown = (*system).clone();
+    let vertices: usize = shown.spec.contacts.iter().map(|contact| contact.vertices.len()).sum();
+    if system.source == Source::Derived && vertices > 0 {
+        say!("# [[contact]] is left out here: {points} points of {vertices} vertices");
+        shown.spec.contacts.clear();
+    }
+    // An empty list would say that nothing touches.
+    say!("{}", shown.spec_text().replace("contact = []\n", ""));
+    say!("# {} (drives as stiff as its size asks for, whatever kp and kd are)", verdict(&system, 1.0));
     Ok(())
 }

@@ -5,7 +5,7 @@ use nerd_lab::report::{Table, digits};
 use nerd_model::folder::ModelConfig;
 use nerd_sim::prelude::*;
 use nerd_sim::suite::{Row, Suite};
-use nerd_tasks::{named, names};
+use nerd_tasks::{general, named, names};
 use nerd_train::shipped::{folders, from_root, root};
 
 use crate::out;
@@ -101,6 +101,10 @@ fn tasks() -> Result<Table> {
             [task.observation_dim() as u64, task.action_dim() as u64, task.episode_length(), task.frames()].map(|n| n.to_string());
         rows.push([&[name, task.robot(), task.scene()].map(String::from), &numbers[..]].concat());
     }
+    // What they see depends on the robot.
+    rows.extend(
+        general().into_iter().map(|name| [&[name, "any (--robot)"], &["-"; 5][..]].concat().into_iter().map(String::from).collect()),
+    );
     Ok(Table::new("tasks", &["task", "robot", "scene", "observation", "action", "steps", "frames a step"]).with(rows))
 }
 

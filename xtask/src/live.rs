@@ -34,7 +34,7 @@ pub fn run(args: LiveArgs) -> Result<()> {
     }
     let title = world.title().to_string();
     let live = Live::serve(world, args.port as u16)?;
-    say!("{title}: open {}; Ctrl-C ends it", live.address());
+    say!("{title}: open {} (Ctrl-C ends it)", live.address());
     loop {
         std::thread::park();
     }

@@ -113,7 +113,8 @@ impl System {
             read.robot.contact_points.clear();
         }
         let defaults = [&file.keys, &own].into_iter().flat_map(|keys| keys.get("joint").and_then(toml::Value::as_array)).flatten();
-        let default = |joint: &toml::Value| Some((joint.get("name")?.as_str()?.to_string(), joint.get("default")?.as_float()?));
+        let default =
+            |joint: &toml::Value| Some((joint.get("name")?.as_str()?.to_string(), joint.get("default")?.clone().try_into::<f64>().ok()?));
         let defaults = defaults.filter_map(default).collect();
         let mut keys = file.keys_of(&read.robot);
         // The pose is among `defaults`.

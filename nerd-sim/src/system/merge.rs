@@ -22,7 +22,7 @@ impl Spec {
         Ok(like.then_some(own))
     }
 
-    /// This one, and over it the keys of another: joints key by key, by their names, all else as a whole.
+    /// This one, and over it the keys of another: the material and joints, by their names, key by key, all else as a whole.
     pub(crate) fn over(self, mut own: Table) -> Result<Self, String> {
         if own.is_empty() {
             return Ok(self);
@@ -55,6 +55,9 @@ impl Spec {
                     }
                 }
             }
+        }
+        if let (Some(toml::Value::Table(known)), Some(toml::Value::Table(given))) = (all.get_mut("material"), own.get_mut("material")) {
+            known.iter().for_each(|(key, value)| _ = given.entry(key).or_insert(value.clone()));
         }
         all.extend(own);
         Self::deserialize(all).map_err(|e| e.to_string())

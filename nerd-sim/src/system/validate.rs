@@ -112,6 +112,13 @@ fn joints(spec: &Spec, robot: &Robot) -> Result<(), String> {
         }
         let modelled = robot.joints().nth(at);
         self::joint(joint, modelled.is_some_and(|j| j.kind == JointKind::Prismatic), &names()[..at])?;
+        // A pose may be a little beyond, as files round it.
+        let beyond = |limit: &Limit| joint.default < limit.lower - 1.0 || joint.default > limit.upper + 1.0;
+        if let Some(limit) = modelled.and_then(|j| j.limit).filter(beyond) {
+            let (low, high, name) = (limit.lower, limit.upper, &joint.name);
+            let default = joint.default;
+            return Err(format!("[[joint]] name = {name:?}: default is {default}, its limits are {low} to {high}; angles are in rad"));
+        }
         if joint.limit.is_some() && modelled.is_some_and(|j| j.limit.is_none()) {
             return Err(format!("[[joint]] name = {:?}: limit, but the URDF has none to give stiffness to", joint.name));
         }

@@ -69,12 +69,16 @@ fn what_walks_is_free_and_what_is_an_arm_is_not() {
 
 #[test]
 fn a_part_of_a_toml_overrides_what_the_urdf_suggests() {
-    let text = "like = \"urdf\"\nframe_time = \"1/100\"\n[[joint]]\nname = \"hip1\"\narmature = 0.03\n";
+    let text = "like = \"urdf\"\nframe_time = \"1/100\"\nmaterial.friction = 0.9\n[[joint]]\nname = \"hip1\"\narmature = 0.03\n";
     let [system, plain] = [Some(text), None].map(|toml| read(&table(1.0, ""), toml).expect("a robot"));
     assert_eq!(system.frame_time, 0.01);
     let armatures: Vec<f64> = system.robot.joints().map(|j| j.armature).collect();
     assert_eq!(armatures, [0.0, 0.03, 0.0, 0.0], "no drive inertia that the file does not give");
     assert_eq!(system.joint_specs().nth(1).map(|j| j.kp), plain.joint_specs().nth(1).map(|j| j.kp), "the rest of the joint is what it was");
+    let [own, derived] = [&system, &plain].map(|system| system.spec.material);
+    assert_eq!(own, Material { friction: 0.9, ..derived }, "the rest of the material, too");
+    let said = read(&table(1.0, ""), Some(&text.replace("armature = 0.03", "default = -90"))).err().map(|e| e.to_string());
+    assert!(said.as_ref().is_some_and(|said| said.contains("default is -90") && said.contains("in rad")), "{said:?}");
 }
 
 /// A point on its own axis resists no turn: that joint alone, and a note.

@@ -85,6 +85,10 @@ impl TryFrom<String> for Allowed {
         let number = number.parse::<f64>().ok().filter(|x| *x > 0.0 && x.is_finite());
         let number =
             number.ok_or_else(|| format!("allowed is \"{text}\": a number above 0 is needed and its unit, such as \"0.1 m/s\""))?;
+        // Nothing is converted, so there is one unit of each kind.
+        if let Some(other) = unit.split(|c: char| !c.is_alphabetic() && c != '%').find(|u| !["", "m", "rad", "s", "kg", "N"].contains(u)) {
+            return Err(format!("allowed is \"{text}\": `{other}` is no SI unit (m, rad, s, kg, N); write \"0.1 m/s\" for 10 cm/s"));
+        }
         Ok(Self(number, unit.trim().into()))
     }
 }

@@ -20,6 +20,8 @@ pub struct FileTask {
     system: Arc<System>,
     text: String,
     goal: Vec<[f64; 2]>,
+    /// Names of those, as far as they have some.
+    names: Vec<String>,
     place: bool,
     keys: Keys,
     /// Observation, torques, reward, end and miss.
@@ -88,6 +90,10 @@ impl FileTask {
             Terms::Sum(terms) => terms.clone().into_iter().collect(),
         };
         let usual = Some("controlled(action)".to_string());
+        // Also those that nothing uses, each alone.
+        for name in keys.lets.keys() {
+            read(Part::Reward, "let", &[(name.clone(), name.clone())], false)?;
+        }
         let observe = read(Part::Other, "observation", &counted(&keys.observation), false)?;
         let act = read(Part::Act, "act", &alone(&keys.act.clone().or(usual)), false)?;
         let reward = read(Part::Reward, "reward", &terms, true)?;
@@ -101,6 +107,10 @@ impl FileTask {
             return Err(wrong("reward: it has no term".into()));
         }
         let remembers = [&observe, &act, &reward, &over, &miss].iter().any(|part| part.goals() > goal.len());
+        let named = commands
+            .iter()
+            .flat_map(|(name, at)| at.clone().map(move |k| if at.len() > 1 { format!("{name}[{}]", k - at.start) } else { name.clone() }));
+        let named = named.collect();
         let about = About {
             name: kept(name),
             robot: kept(robot),
@@ -111,7 +121,7 @@ impl FileTask {
             frames: keys.frames,
         };
         about.check().map_err(wrong)?;
-        Ok(Self { about, system, text: text.into(), goal, place, keys, observe, act, reward, over, miss, remembers, levels })
+        Ok(Self { about, system, text: text.into(), goal, names: named, place, keys, observe, act, reward, over, miss, remembers, levels })
     }
 }
 
@@ -195,6 +205,10 @@ impl Formulas for FileTask {
 
     fn goal(&self) -> &[[f64; 2]] {
         &self.goal
+    }
+
+    fn commands(&self) -> Vec<(String, [f64; 2])> {
+        self.names.iter().cloned().zip(self.goal.iter().copied()).collect()
     }
 
     fn place(&self) -> bool {

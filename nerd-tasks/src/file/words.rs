@@ -128,6 +128,12 @@ impl Facts {
             "most" => list(robot.joints().zip(system.joint_specs()).map(|(joint, spec)| spec.most(joint)).collect(), Of::Joints),
             "low" => joints(&limit(false)),
             "high" => joints(&limit(true)),
+            "gap" | "feet" | "body" | "standing" if robot.contact_points.is_empty() => {
+                let unread =
+                    if system.meshes.is_empty() { String::new() } else { format!(", {} meshes are not read", system.meshes.len()) };
+                let what = format!("`{name}`: nothing of `{}` touches the ground{unread}; see `inspect --robot`", system.name);
+                return Some(Err(what));
+            }
             "gap" => {
                 let gap = |k: usize| tape.leaf(Leaf::Distance(k), f64::NAN) - Traced::from(robot.contact_points[k].radius);
                 ((0..robot.contact_points.len()).map(gap).collect(), Of::Points)
@@ -210,7 +216,12 @@ impl Facts {
             Of::Numbers => return Err(format!("\"{name}\": numbers of joints and of contact points have names, these have not")),
         };
         let listed = || known.iter().take(40).copied().collect::<Vec<_>>().join(", ");
-        if found.is_empty() { Err(format!("no {what} `{name}`: choose from {}", listed())) } else { Ok(found) }
+        let on = (of == Of::Points).then(|| self.frame(name)).flatten().map(|(link, ..)| &robot.links[link].name);
+        match on.filter(|link| *link != name) {
+            Some(link) if found.is_empty() => Err(format!("`{name}` is fixed to `{link}`: write that")),
+            _ if found.is_empty() => Err(format!("no {what} `{name}`: choose from {}", listed())),
+            _ => Ok(found),
+        }
     }
 }
 

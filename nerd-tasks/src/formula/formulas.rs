@@ -38,6 +38,11 @@ pub trait Formulas: Send + Sync {
         &[]
     }
 
+    /// As [`crate::Task::commands`].
+    fn commands(&self) -> Vec<(String, [f64; 2])> {
+        Vec::new()
+    }
+
     /// Whether the last two actions are numbers of the goal, behind those that are drawn: see [`crate::Task::memory`].
     fn remembers(&self) -> bool {
         false

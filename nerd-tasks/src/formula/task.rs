@@ -36,6 +36,10 @@ impl<F: Formulas> Task for F {
         self.goal().len() + self.memory()
     }
 
+    fn commands(&self) -> Vec<(String, [f64; 2])> {
+        Formulas::commands(self)
+    }
+
     fn memory(&self) -> usize {
         if self.remembers() { 2 * Formulas::about(self).action } else { 0 }
     }

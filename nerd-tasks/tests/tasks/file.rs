@@ -71,6 +71,8 @@ fn what_is_wrong_with_a_file_is_said_with_its_place() {
         (("gap[body]", "gap[\\\"wing\\\"]"), "over, column 51: no link with contact points `wing`: choose from "),
         (("bent = ", "bent = \"1 + bent\"\n#"), "let.bent, column 5: `bent` speaks of itself"),
         (("ahead = ", "mass = "), "command.mass: there is a word `mass`; choose another name"),
+        (("bent = ", "spare = \"uq\"\nbent = "), "let.spare, column 1: no word `uq`"),
+        (("0.1 m/s", "10 cm/s"), "allowed is \"10 cm/s\": `cm` is no SI unit"),
         (("frames = 4", "frames = 0"), "its `about` has frames: 0; at least 1 is needed"),
         (("frames = 4", "frame = 4"), "unknown field `frame`"),
         (("frames = 4", "levels = 4\nframes = 4"), "levels: an episode that succeeds by `miss` goes on to higher [terrain]"),

@@ -37,7 +37,10 @@ pub struct Contract {
     pub rate: f64,
     /// Observations that the policy sees at once, a step apart; at the start of an episode the first counts for those before it.
     pub observations_seen: usize,
-    /// The observation's numbers, in order.
+    /// What is asked for, name and range each: quantity `goal` of number k is entry k.
+    #[serde(default)]
+    pub commands: Vec<(String, [f64; 2])>,
+    /// The observation's numbers, in order; `last action` of number k is of entry k of `action`.
     pub observation: Vec<Seen>,
     /// How actions become torques, found by asking the task.
     pub law: Law,
@@ -68,6 +71,7 @@ impl Contract {
             frames_per_action: task.frames(),
             rate: 1.0 / seconds,
             observations_seen: policy.shape.stack,
+            commands: task.commands(),
             observation: observation(task, &system)?,
             law,
             action,

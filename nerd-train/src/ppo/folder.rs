@@ -55,11 +55,23 @@ pub fn save(folder: &Path, config: &PolicyConfig, policy: &Policy, card: &str) -
 pub fn load(folder: &Path) -> Result<(PolicyConfig, Policy)> {
     let (path, mut config) = config(folder)?;
     let own = folder.join(TASK);
+    let (mut task, mut robot) = config.task.split_once('@').map_or((&*config.task, None), |(task, robot)| (task, Some(robot.to_string())));
     if own.exists() {
         // As it was when the policy learned.
-        let robot = config.task.split_once('@').map_or_else(String::new, |(_, robot)| format!("@{robot}"));
-        config.task = format!("{}{robot}", own.display());
+        task = own.to_str().unwrap_or(task);
     }
+    // From another folder than that of its training: what the robot's path is from one above the policy's.
+    if let Some(file) = robot.as_mut().filter(|file| file.contains('.') && !Path::new(file).exists()) {
+        let above = std::path::absolute(folder).map_err(Error::file(folder))?;
+        match above.ancestors().map(|at| at.join(&*file)).find(|path| path.exists()) {
+            Some(found) => *file = found.display().to_string(),
+            None => refuse!(
+                "{}: its robot {file} is neither here nor above; go to where it is, or name it in `task` of config.json",
+                folder.display()
+            ),
+        }
+    }
+    config.task = task.to_string() + &robot.map_or_else(String::new, |robot| format!("@{robot}"));
     let task = named(&config.task).map_err(Error::file(&path))?;
     if let Some(sha256) = config.provenance.get(ROBOT)
         && *sha256 != task.system()?.sha256()
@@ -103,6 +115,9 @@ pub fn load_for(folder: &Path, task: &dyn Task) -> Result<(PolicyConfig, Policy)
 
 fn config(folder: &Path) -> Result<(PathBuf, PolicyConfig)> {
     let path = folder.join("config.json");
+    if !path.exists() && folder.join("policy").exists() {
+        refuse!("{0}: a run, whose policy is {0}/policy", folder.display());
+    }
     let text = std::fs::read_to_string(&path).map_err(Error::file(&path))?;
     let config = serde_json::from_str(&text).map_err(Error::file(&path))?;
     Ok((path, config))

@@ -3,9 +3,12 @@
 //! The folder holds `metrics.jsonl`, `sessions.jsonl` and `last.safetensors`; the same run again continues it. The policy with the largest
 //! mean reward is in `OUT/policy`.
 
+use nerd_tasks::Work;
+
 use super::export::export;
 use super::*;
 use crate::bounds;
+use crate::progress::{bar_from, notes};
 use crate::records::{Record, Session, claimed};
 
 /// Two checkpoints are at least this far apart.
@@ -61,6 +64,8 @@ impl PolicyRun {
         // What a checkpoint is known by: a model is its weights, wherever they are.
         let identity = format!("{} on {}", folder::identity(&*task), self.arena.identity(&system)?);
         let mut trainer = self.arena.trainer(task, self.config.clone(), self.seed)?;
+        begun(&trainer.episodes)?;
+        notes(&system);
         let _claim = claimed(out)?;
         if out.join(LAST).exists() {
             let other = |e| Error::Refused(format!("{} holds another run; choose another --out: {e}", out.display()));
@@ -85,7 +90,8 @@ impl PolicyRun {
         let (checkpoint, mut saved) = (self.out.join(LAST), Instant::now());
         let mut metrics = Record::metrics(&self.out, trainer.state.iteration)?;
         let (mut spent, steps) = (Spent::default(), trainer.config.steps());
-        let bar = bar(&format!("steps of {title}"), trainer.config.iterations * steps as u64);
+        let [done, all] = [trainer.state.iteration, trainer.config.iterations].map(|n| n * steps as u64);
+        let bar = bar_from(&format!("steps of {title}"), done, all);
         while trainer.state.iteration < trainer.config.iterations {
             let line = trainer.iterate()?;
             metrics.write(&line)?;
@@ -139,6 +145,15 @@ impl Spent {
         let shares: Vec<String> = parts.iter().map(|(name, seconds)| format!("{name} {:.0} %", 100.0 * seconds / all)).collect();
         format!("{:.0} steps/s: {}", self.steps / all, shares.join(", "))
     }
+}
+
+/// Refuses a task that is over wherever it begins.
+fn begun(episodes: &Episodes) -> Result<()> {
+    let (task, mut work) = (&episodes.task, Work::new(&episodes.simulation.batch.system));
+    if (0..episodes.len()).all(|env| task.terminated(episodes.view(env), &mut work)) {
+        refuse!("task `{}`: `over` is not 0 at any of its starts, so every episode ends with its first step", task.name());
+    }
+    Ok(())
 }
 
 /// The state to go on from.

@@ -127,4 +127,5 @@ fn a_contract_says_what_every_number_is() {
     let walk = written("walk@anymal", 1);
     let last = walk.observation.last().and_then(|seen| seen.quantity.as_deref());
     assert!(walk.unknown().is_empty() && last == Some("last action") && (walk.rate - 50.0).abs() < 1e-9, "{walk:?}");
+    assert_eq!(walk.commands[2], ("turn".to_string(), [-1.0, 1.0]));
 }

@@ -54,6 +54,10 @@ impl ArenaArgs {
             };
             return Ok(Arena::family(task, &family, truth, device)?);
         }
+        let robot = nerd_tasks::named(task)?;
+        if robot.system()?.spec.vary.is_some() {
+            tell!("note: [vary] of `{0}` is not used here: --family {0} draws a robot for each environment", robot.robot());
+        }
         match (self.solver, self.model) {
             (SolverName::Neural, Some(folder)) => Ok(Arena::Model { folder, device }),
             (SolverName::Neural, None) => learned(task, device),

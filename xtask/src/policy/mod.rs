@@ -47,7 +47,7 @@ pub struct TrainArgs {
     /// From samples (ppo), or from slopes (shac), which articulated and models of single frames have
     #[arg(long, value_parser = word::<Algorithm>(Algorithm::WORDS), default_value = "ppo", conflicts_with = "config")]
     pub algorithm: Algorithm,
-    /// Settings of PPO: `paper`, or `small` where steps are dear [default: paper; small for a learned simulator on the CPU]
+    /// Settings of PPO: `paper`, or `small` where steps are dear [default: paper; small on the CPU in a learned simulator and for tasks for any robot]
     #[arg(long, value_parser = ["paper", "small"])]
     pub recipe: Option<String>,
     /// TOML with all settings, `algorithm` too, instead of a recipe (see nerd-train/assets/ppo)

@@ -38,6 +38,8 @@ const BEARS: f64 = 0.75;
 const HOLDS: f64 = 3.0;
 /// Least effort that is guessed, over the largest of the robot.
 const LEAST: f64 = 0.05;
+/// Effort of a joint, of the robot's weight times its extent, that no motor has.
+const ABSURD: f64 = 20.0;
 /// Error (rad) at which a position law asks for a motor's whole effort.
 const LEAN: f64 = 1.0;
 /// Damping of that law, of its stiffness (s).
@@ -106,7 +108,9 @@ pub(crate) fn derived(
     for (q, joint) in state[coords..].iter_mut().zip(robot.joints()) {
         *q = defaults.get(&joint.name).copied().unwrap_or(*q);
     }
-    if pose == ZERO && state[coords..] == zero[coords..] && bend(robot, &mut state) {
+    if state[coords..] != zero[coords..] {
+        pose = "as its files say".into();
+    } else if pose == ZERO && bend(robot, &mut state) {
         pose = "on bent legs, since some joints cannot be at zero".into();
     }
     let mut data = Data::new(robot);
@@ -132,7 +136,7 @@ pub(crate) fn derived(
     let (extent, weight) = (if extent > 1e-6 { extent } else { 1.0 }, robot.mass() * GRAVITY);
     let floating = robot.floating();
     notes.push(format!(
-        "only the robot's file is given: pose {pose}, {} base, gravity along -z; `inspect --robot` shows all of it",
+        "derived where no .toml says otherwise: pose {pose}, {} base, gravity along -z; `inspect --robot` shows all of it",
         if floating { "free" } else { "fixed" }
     ));
     let beneath = robot.contact_points.iter().zip(&lows).filter(|(_, at)| **at < low + NEAR * extent);
@@ -151,6 +155,15 @@ pub(crate) fn derived(
         data: Some(RandomGains { kp: between(0.1 * gain, 0.6 * gain), kd: between(0.0, 0.01 * gain) }),
     };
     let driven = floating && robot.joint_count() > 0;
+    let absurd = |joint: &&Joint| joint.kind != JointKind::Prismatic && joint.effort.is_finite() && joint.effort > ABSURD * weight * extent;
+    if let Some(joint) = robot.joints().filter(|_| driven).find(absurd) {
+        notes.push(format!(
+            "effort {} N m of `{}` is {:.0} times the robot's weight times its extent: a placeholder? Give its [[joint]] gain, kp and kd in a .toml",
+            joint.effort,
+            joint.name,
+            joint.effort / (weight * extent)
+        ));
+    }
     let torques = torques(robot);
     let efforts = efforts(robot, &data, &lows, low + NEAR * extent);
     let joints = robot.joints().zip(&torques).zip(&state[coords..]).zip(efforts);
