@@ -38,7 +38,7 @@ pub struct VarySpec {
     pub delay: Option<Range>,
     /// Position of each joint where its sensor shows 0 (rad or m).
     pub zero: Option<Range>,
-    /// Speed at which the torque of each joint's motor has fallen to nothing (rad/s or m/s), from [`JointSpec::most`] at rest.
+    /// Speed at which the torque of each joint's motor has fallen to nothing (rad/s or m/s), from [`super::JointSpec::most`] at rest.
     pub top_speed: Option<Range>,
     /// Size of each joint's torque ripple (N m or N): what no analytic solver knows, and no model is told.
     pub ripple: Option<Range>,
