@@ -127,7 +127,9 @@ def test_a_process_steps_or_says_why_not(method, answer):
 
 def test_ctrl_c_ends_a_loop_of_steps(root):
     program = (
-        "import nerd, numpy as np, sys\n"
+        "import nerd, numpy as np, signal\n"
+        # What a shell starts in the background ignores it.
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "s = nerd.Simulation('ant', n=256)\n"
         "t = np.zeros((256, 8))\n"
         "try:\n"
