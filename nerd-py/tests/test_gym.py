@@ -192,7 +192,7 @@ def test_stable_baselines_learns_on_them():
 
     from stable_baselines3.common.env_util import make_vec_env
 
-    env, twin = VecEnv("franka-reach", n=3), nerd.make_vec("franka-reach", n=3, autoreset_mode=AutoresetMode.SAME_STEP)
+    env, twin = VecEnv("nerd/FrankaReach-v0", n=3), nerd.make_vec("franka-reach", n=3, autoreset_mode=AutoresetMode.SAME_STEP)
     env.seed(3)
     assert (env.reset() == np.float32(twin.reset(seed=3)[0])).all()
     draw = actions(twin)

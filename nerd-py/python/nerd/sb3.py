@@ -5,7 +5,7 @@ from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env import VecEnv as _VecEnv
 
-from .gym import TaskVectorEnv
+from .gym import make_vec
 
 
 class VecEnv(_VecEnv):
@@ -14,8 +14,8 @@ class VecEnv(_VecEnv):
     Numbers are float32. Stable-Baselines3's wrappers, VecMonitor and VecNormalize, go around it. `env` is the environment itself.
     """
 
-    def __init__(self, task, robot=None, n=1, **options):
-        self.env = TaskVectorEnv(n, task=task, robot=robot, autoreset_mode=AutoresetMode.SAME_STEP, **options)
+    def __init__(self, task, robot=None, n=1, *, solver="articulated", family=None):
+        self.env = make_vec(task, robot, n, solver=solver, family=family, autoreset_mode=AutoresetMode.SAME_STEP)
         box = lambda space: Box(np.float32(space.low), np.float32(space.high), dtype=np.float32)
         super().__init__(n, box(self.env.single_observation_space), box(self.env.single_action_space))
 

@@ -40,7 +40,9 @@ impl Motors {
     pub(crate) fn act(&self, asked: &[&[f64]], positions: &[f64], velocities: &[f64], out: &mut [f64]) {
         late(self.delay, asked, out);
         for (tau, ([rest, top], qd)) in out.iter_mut().zip(self.lines.iter().zip(velocities)) {
-            let side = |sign: f64| rest * (1.0 - sign * qd / top).clamp(0.0, 1.0);
+            // Where a speed is no number there is no torque: what is wrong with the state is said where it is stepped.
+            let share = |left: f64| if left > 0.0 { left.min(1.0) } else { 0.0 };
+            let side = |sign: f64| rest * share(1.0 - sign * qd / top);
             *tau = tau.clamp(-side(-1.0), side(1.0));
         }
         out.iter_mut().zip(&self.strength).for_each(|(tau, factor)| *tau *= factor);

@@ -90,6 +90,10 @@ fn sensors_show_what_is_moved_and_torques_ripple_with_the_place() {
 fn torque_falls_with_speed_along_a_line() {
     let own = pendulum(VarySpec { top_speed: just(8.0), ..Default::default() });
     let most: Vec<f64> = own.robot.joints().zip(own.joint_specs()).map(|(joint, spec)| spec.most(joint)).collect();
+    let mut broken = at(&built_in("pendulum"), "free", &[0.3, -1.2, f64::NAN, 1.0]);
+    broken.systems = vec![own.clone()];
+    let said = Rig::new(solver()).step(&mut broken, &[1.0, 1.0]).expect_err("a speed is NaN").to_string();
+    assert!(said.contains("NaN"), "{said}");
     for (speed, side, share) in
         [(0.0, 1.0, 1.0), (4.0, 1.0, 0.5), (8.0, 1.0, 0.0), (20.0, 1.0, 0.0), (4.0, -1.0, 1.0), (-2.0, 1.0, 1.0), (-2.0, -1.0, 0.75)]
     {

@@ -20,10 +20,10 @@ BIG int rigged(double* state, const double* tau, const double* scene, const doub
     const double share = LATE(scene)[0] - late;
     for (int i = 0; i < NJ; i++) {
         const double now = late ? asked[(late - 1) * NJ + i] : tau[i], before = late < LATEST ? asked[late * NJ + i] : now;
-        // 0 says that there is no line.
+        // 0 says that there is no line; a torque that is no number stays none.
         const double rest = LINE(scene)[2 * i], speed = moved[NQ + DOFS + i] / LINE(scene)[2 * i + 1];
         double of = now + share * (before - now);
-        if (rest) of = fmin(fmax(of, -rest * fmin(fmax(1 + speed, 0.0), 1.0)), rest * fmin(fmax(1 - speed, 0.0), 1.0));
+        if (rest && of == of) of = fmin(fmax(of, -rest * fmin(fmax(1 + speed, 0.0), 1.0)), rest * fmin(fmax(1 - speed, 0.0), 1.0));
         acting[i] = of * STRENGTH(scene)[i] + RIPPLE(scene)[i] * sin(WAVES * moved[COORDS + i]);
     }
     for (int k = LATEST * NJ - 1; k >= 0; k--) asked[k] = k < NJ ? tau[k] : asked[k - NJ];
