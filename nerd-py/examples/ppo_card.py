@@ -1,6 +1,9 @@
 """PPO in PyTorch on a card: thousands of robots, their task and the learner there, and nothing over the host but a line an iteration.
 
     python ppo_card.py ant-run --iterations 200
+
+What torch does between two steps is recorded once as a CUDA graph: kernel by kernel its launches take as long as the step itself. So
+all memory stays in place, and noise is drawn outside of the graphs.
 """
 
 import argparse
@@ -9,7 +12,20 @@ import time
 import nerd
 import torch
 from torch import nn
-from torch.distributions import Normal
+
+
+def recorded(work):
+    """Work that writes to the same memory in every call, as one launch; it is done three times before."""
+    beside = torch.cuda.Stream()
+    beside.wait_stream(torch.cuda.current_stream())
+    with torch.cuda.stream(beside):
+        for _ in range(3):
+            work()
+    torch.cuda.current_stream().wait_stream(beside)
+    graph = torch.cuda.CUDAGraph()
+    with torch.cuda.graph(graph):
+        work()
+    return graph.replay
 
 
 def layers(*widths):
@@ -34,68 +50,109 @@ class Agent(nn.Module):
         self.mean.add_(apart * n / all_)
         self.count.copy_(all_)
 
-    def forward(self, rows):
-        rows = ((rows - self.mean) / torch.sqrt(self.var + 1e-5)).clamp(-5, 5)
-        return Normal(self.actor(rows), self.log_std.exp()), self.critic(rows).squeeze(-1)
+    def normal(self, rows):
+        return ((rows - self.mean) / torch.sqrt(self.var + 1e-5)).clamp(-5, 5)
+
+    def act(self, rows, noise):
+        return self.actor(self.normal(rows)) + self.log_std.exp() * noise
+
+    def forward(self, rows, actions):
+        """Logarithms of the actions' densities, but for a constant, and values."""
+        rows = self.normal(rows)
+        apart = (actions - self.actor(rows)) / self.log_std.exp()
+        return -(0.5 * apart.square() + self.log_std).sum(-1), self.critic(rows).squeeze(-1)
+
+    def value(self, rows):
+        return self.critic(self.normal(rows)).squeeze(-1)
 
 
-def rollout(env, agent, seen, horizon, scale=0.1, gamma=0.99):
-    """So many steps of every environment. A reward, scaled, gets the value of what was reached where time ran out."""
-    kept = []
-    with torch.no_grad():
-        for _ in range(horizon):
-            law, value = agent(seen)
-            before, action = seen.clone(), law.sample()
-            next_seen, reward, terminated, truncated, infos = env.step(action)
-            _, reached = agent(infos["final_obs"])
-            worth = scale * reward + gamma * reached * truncated
-            kept.append((before, action, law.log_prob(action).sum(1), value, worth, terminated | truncated, reward.clone()))
-            seen = next_seen
-    return [torch.stack(numbers) for numbers in zip(*kept)], seen
+class Learner:
+    """PPO with its memory, [horizon, environments, ..], and its work as graphs."""
 
+    def __init__(self, env, horizon=16, minibatches=4, scale=0.1, gamma=0.99, lam=0.95, clip=0.2):
+        self.env, self.horizon, self.minibatches = env, horizon, minibatches
+        self.scale, self.gamma, self.lam, self.clip = scale, gamma, lam, clip
+        self.seen, _ = env.reset(seed=0)
+        (n, observation), action = self.seen.shape, env.single_action_space.shape[0]
+        self.agent = Agent(observation, action).to(self.seen.device)
+        self.adam = torch.optim.Adam(self.agent.parameters(), lr=3e-4, capturable=True)
+        memory = lambda *last: torch.zeros(horizon, n, *last, device=self.seen.device)
+        self.rows, self.reached, self.noise, self.actions = map(memory, (observation, observation, action, action))
+        self.rewards, self.ends, self.cut, self.logs, self.advantages, self.returns = (memory() for _ in range(6))
+        self.part = torch.arange(horizon * n // minibatches, device=self.seen.device)
+        # The same memory in every step.
+        _, *self.came, infos = env.step(self.actions[0])
+        self.came.append(infos["final_obs"])
+        env.reset(seed=0)
+        self.between = [recorded(lambda t=t: self.keep_and_act(t)) for t in range(horizon + 1)]
+        self.judged, self.improved = recorded(self.judge), None
 
-def update(agent, adam, seen, kept, gamma=0.99, lam=0.95, epochs=5, minibatches=4, clip=0.2):
-    """What PPO learns of a rollout."""
-    rows, actions, logs, values, rewards, ends = kept[:6]
-    advantages, last = torch.zeros_like(rewards), 0.0
-    with torch.no_grad():
-        following = agent(seen)[1]
-        for t in reversed(range(len(rows))):
-            goes_on = ~ends[t]
-            last = rewards[t] + goes_on * gamma * (following + lam * last) - values[t]
-            advantages[t], following = last, values[t]
-    rows, actions, logs, advantages, values = (x.flatten(0, 1) for x in (rows, actions, logs, advantages, values))
-    returns, advantages = advantages + values, (advantages - advantages.mean()) / (advantages.std() + 1e-8)
-    for _ in range(epochs):
-        for part in torch.randperm(len(rows), device=rows.device).chunk(minibatches):
-            law, value = agent(rows[part])
-            ratio = (law.log_prob(actions[part]).sum(1) - logs[part]).exp()
-            gain = torch.minimum(ratio * advantages[part], ratio.clamp(1 - clip, 1 + clip) * advantages[part])
-            loss = -gain.mean() + 0.5 * (value - returns[part]).square().mean()
-            adam.zero_grad()
-            loss.backward()
-            nn.utils.clip_grad_norm_(agent.parameters(), 1.0)
-            adam.step()
-    agent.see(rows)
+    @torch.no_grad()
+    def keep_and_act(self, t):
+        """What came of the step before t, and actions for t."""
+        if t > 0:
+            reward, terminated, truncated, reached = self.came
+            self.rewards[t - 1], self.ends[t - 1], self.cut[t - 1], self.reached[t - 1] = reward, terminated | truncated, truncated, reached
+        if t < self.horizon:
+            self.rows[t] = self.seen
+            self.actions[t] = self.agent.act(self.seen, self.noise[t])
+
+    def rollout(self):
+        self.noise.normal_()
+        for act, actions in zip(self.between, self.actions):
+            act()
+            self.env.step(actions)
+        self.between[-1]()
+
+    @torch.no_grad()
+    def judge(self):
+        """Advantages of a rollout. A reward, scaled, gets the value of what was reached where time ran out."""
+        logs, values = self.agent(self.rows, self.actions)
+        worth = self.scale * self.rewards + self.gamma * self.cut * self.agent.value(self.reached)
+        following, last, goes_on = self.agent.value(self.seen), 0.0, self.gamma * (1 - self.ends)
+        for t in reversed(range(self.horizon)):
+            last = worth[t] + goes_on[t] * (following + self.lam * last) - values[t]
+            self.advantages[t], following = last, values[t]
+        self.logs.copy_(logs)
+        self.returns.copy_(self.advantages + values)
+        self.advantages.sub_(self.advantages.mean()).div_(self.advantages.std() + 1e-8)
+
+    def improve(self):
+        """What PPO learns of a part of the rows."""
+        all_ = (self.rows, self.actions, self.logs, self.advantages, self.returns)
+        rows, actions, before, advantages, returns = (x.flatten(0, 1)[self.part] for x in all_)
+        logs, values = self.agent(rows, actions)
+        ratio = (logs - before).exp()
+        gain = torch.minimum(ratio * advantages, ratio.clamp(1 - self.clip, 1 + self.clip) * advantages)
+        self.adam.zero_grad()
+        (0.5 * (values - returns).square().mean() - gain.mean()).backward()
+        nn.utils.clip_grad_norm_(self.agent.parameters(), 1.0)
+        self.adam.step()
+
+    def iteration(self, epochs=5):
+        self.rollout()
+        self.judged()
+        self.improved = self.improved or recorded(self.improve)
+        for _ in range(epochs):
+            for part in torch.randperm(self.rewards.numel(), device=self.part.device).chunk(self.minibatches):
+                self.part.copy_(part)
+                self.improved()
+        self.agent.see(self.rows.flatten(0, 1))
 
 
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("task", nargs="?", default="ant-run")
     parser.add_argument("--environments", type=int, default=4096)
-    parser.add_argument("--horizon", type=int, default=16)
     parser.add_argument("--iterations", type=int, default=200)
     asked = parser.parse_args()
     env = nerd.make_vec(asked.task, n=asked.environments, device="cuda", xp=torch)
-    seen, _ = env.reset(seed=0)
-    agent = Agent(seen.shape[1], env.single_action_space.shape[0]).cuda()
-    adam, started = torch.optim.Adam(agent.parameters(), lr=3e-4), time.time()
+    learner, started = Learner(env), time.time()
     for iteration in range(1, asked.iterations + 1):
-        kept, seen = rollout(env, agent, seen, asked.horizon)
-        update(agent, adam, seen, kept)
+        learner.iteration()
         if iteration % 10 == 0:
-            steps = iteration * asked.horizon * asked.environments / (time.time() - started)
-            print(f"iteration {iteration}: reward of a step {kept[6].mean():.3f}, {steps:.0f} steps/s, {env.failed()} failed")
+            steps = iteration * learner.rewards.numel() / (time.time() - started)
+            print(f"iteration {iteration}: reward of a step {learner.rewards.mean():.3f}, {steps:.0f} steps/s, {env.failed()} failed")
 
 
 if __name__ == "__main__":
