@@ -85,19 +85,25 @@ function live({ robot, sticks, solvers, menu, number, friction, gravity }) {
     [state, text, changed] = [answer, now, true];
   }
 
-  // The next frame is fetched while the last is painted, once.
-  async function look(now) {
-    const next = read().catch(error => { by("trouble").textContent = `no answer: ${error.message}`; });
-    if (changed) {
-      changed = false;
-      const began = performance.now();
-      paint();
-      figures();
-      painting += 0.1 * (performance.now() - began - painting);
-      moments = [...moments.filter(moment => moment > now - 1000), now];
-    }
-    await next;
+  // Frames are fetched beside the painting, one at a time.
+  let reading = false, told = 0;
+  function look(now) {
     requestAnimationFrame(look);
+    if (!reading) {
+      reading = true;
+      read().catch(error => { by("trouble").textContent = `no answer: ${error.message}`; }).finally(() => { reading = false; });
+    }
+    if (!changed) return;
+    changed = false;
+    const began = performance.now();
+    paint();
+    // Nobody reads faster.
+    if (state.paused || now - told > 100) {
+      figures();
+      told = now;
+    }
+    painting += 0.1 * (performance.now() - began - painting);
+    moments = [...moments.filter(moment => moment > now - 1000), now];
   }
 
   // What is under the pointer: the solid whose middle is nearest, if it is near.

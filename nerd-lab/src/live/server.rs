@@ -1,10 +1,11 @@
 //! The page and its two questions, on this machine alone.
 
+use std::io::Write;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, PoisonError, RwLock};
 
 use nerd_train::replay::{SCRIPT, escape, fill, script};
-use tiny_http::{Header, Method, Request, Response, Server};
+use tiny_http::{Method, Request, Response, Server};
 
 use super::ask::Ask;
 use super::world::World;
@@ -83,12 +84,8 @@ impl Live {
                     continue;
                 }
                 let (code, kind, text) = reply(&mut request, &asks, &shown);
-                let header = Header::from_bytes("Content-Type", kind).into_iter();
-                let fresh = Header::from_bytes("Cache-Control", "no-store").into_iter();
-                let mut response = Response::from_data(&*text).with_status_code(code);
-                header.chain(fresh).for_each(|header| response.add_header(header));
                 // A visitor who is gone does not want the answer.
-                let _ = request.respond(response);
+                let _ = whole(request, code, kind, &text);
             }
         });
     }
@@ -99,6 +96,17 @@ impl Drop for Live {
     fn drop(&mut self) {
         (0..THREADS).for_each(|_| self.server.unblock());
     }
+}
+
+/// Answers in one piece: of two, TCP keeps the second back until the first is acknowledged, which may take 40 ms.
+fn whole(request: Request, code: u16, kind: &str, text: &[u8]) -> std::io::Result<()> {
+    let length = text.len();
+    let head =
+        format!("HTTP/1.1 {code} \r\nContent-Type: {kind}\r\nContent-Length: {length}\r\nCache-Control: no-store\r\n\r\n").into_bytes();
+    let text = if *request.method() == Method::Head { b"" } else { text };
+    let mut writer = request.into_writer();
+    writer.write_all(&[&head, text].concat())?;
+    writer.flush()
 }
 
 const LONG: &str = "an ask is at most 1024 bytes, and says how many";

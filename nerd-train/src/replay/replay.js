@@ -34,14 +34,14 @@ const replay = (() => {
       const corners = Array.from({ length: 8 }, (_, k) => size.map((half, axis) => k >> axis & 1 ? half : -half));
       return [corners, [[1, 3, 7, 5], [0, 4, 6, 2], [2, 6, 7, 3], [0, 1, 5, 4], [4, 5, 7, 6], [0, 2, 3, 1]]];
     }
-    const n = 14, [radius, half] = size, rings = [];
+    const n = 12, [radius, half] = size, rings = [];
     if (kind === "cylinder") {
       rings.push([0, -half], [radius, -half], [radius, half], [0, half]);
     } else {
-      for (let k = 0; k <= 8; k++) {
-        const a = Math.PI * (k / 8 - 0.5);
-        rings.push([radius * Math.cos(a), radius * Math.sin(a) + (k < 4 ? -half : half)]);
-        if (k === 4 && half > 0) rings.splice(rings.length - 1, 0, [radius, -half]);
+      for (let k = 0; k <= 6; k++) {
+        const a = Math.PI * (k / 6 - 0.5);
+        rings.push([radius * Math.cos(a), radius * Math.sin(a) + (k < 3 ? -half : half)]);
+        if (k === 3 && half > 0) rings.splice(rings.length - 1, 0, [radius, -half]);
       }
     }
     const around = Array.from({ length: n }, (_, i) => [Math.cos(2 * Math.PI * i / n), Math.sin(2 * Math.PI * i / n)]);
