@@ -85,7 +85,7 @@ def measure(n, solver):
     for _ in range(rounds + 1):
         if solver == "articulated":
             print("", file=rust.stdin, flush=True)
-            own.append(float(rust.stdout.readline().split()[1]))
+            own.append(float(rust.stdout.readline().split()[-1]))
         for name, work in rows.items():
             found[name].append(seconds(work))
         for name, work in whole.items():

@@ -1,5 +1,5 @@
-//! Seconds of a frame and of a step of many Ants by a loop in Rust, for overhead.py to compare with: every line of
-//! input is answered by both, of `steps CPU_OR_CUDA ENVIRONMENTS FRAMES`.
+//! Seconds of a frame and of a step of many Ants on the CPU, of a step on a card, by a loop in Rust for overhead.py and loop_card.py to
+//! compare with: every line of input is answered, of `steps CPU_OR_CUDA ENVIRONMENTS FRAMES`.
 
 use std::io::BufRead;
 use std::time::Instant;
@@ -12,10 +12,11 @@ type Outcome<T = ()> = Result<T, Box<dyn std::error::Error>>;
 fn main() -> Outcome {
     let [device, n, frames] = &std::env::args().skip(1).collect::<Vec<_>>()[..] else { return Err("steps cpu|cuda N FRAMES".into()) };
     let (n, frames) = (n.parse()?, frames.parse()?);
-    let [mut frame, mut step] = if device == "cuda" { on_card(n)? } else { on_cpu(n)? };
+    let mut all = if device == "cuda" { on_card(n)? } else { on_cpu(n)? };
     for line in std::io::stdin().lock().lines() {
         line?;
-        println!("{} {}", seconds(frames, &mut frame)?, seconds(frames, &mut step)?);
+        let found = all.iter_mut().map(|once| Ok(seconds(frames, once)?.to_string())).collect::<Outcome<Vec<_>>>()?;
+        println!("{}", found.join(" "));
     }
     Ok(())
 }
@@ -29,46 +30,30 @@ fn seconds(times: usize, once: &mut Once) -> Outcome<f64> {
     Ok(started.elapsed().as_secs_f64() / times as f64)
 }
 
-fn ants(n: usize, solver: impl FnOnce(&Arc<System>) -> Outcome<Box<dyn Solver>>) -> Outcome<Simulation> {
+fn on_cpu(n: usize) -> Outcome<Vec<Once>> {
     let system = System::named("ant")?;
     let mut batch = Batch::new(&system, &system.scene("ground")?, n);
     for env in 0..n {
-        let state = start(&system, Start::Reset, &mut stream(0, (env as u64) << 32));
-        batch.state_mut(env).copy_from_slice(&state);
+        batch.reset(env, &start(&system, Start::Reset, &mut stream(0, (env as u64) << 32)));
     }
-    Ok(Simulation::new(batch, solver(&system)?))
-}
-
-fn on_cpu(n: usize) -> Outcome<[Once; 2]> {
-    let mut simulation = ants(n, |system| Ok(Truth::Articulated.solver(system)))?;
+    let mut simulation = Simulation { batch, solver: Truth::Articulated.solver(&system) };
     let mut episodes = Arena::Truth(Truth::Articulated).episodes("ant-run", n, 0)?;
     let (torques, actions) = (vec![0.0; n * 8], vec![0.0; n * 8]);
-    Ok([Box::new(move |_| Ok(simulation.step(&torques)?)), Box::new(move |_| Ok(episodes.step(&actions).map(drop)?))])
+    Ok(vec![Box::new(move |_| Ok(simulation.step(&torques)?)), Box::new(move |_| Ok(episodes.step(&actions).map(drop)?))])
 }
 
 #[cfg(not(feature = "cuda"))]
-fn on_card(_: usize) -> Outcome<[Once; 2]> {
+fn on_card(_: usize) -> Outcome<Vec<Once>> {
     Err("this needs a build with `--features cuda`".into())
 }
 
 #[cfg(feature = "cuda")]
-fn on_card(n: usize) -> Outcome<[Once; 2]> {
-    use nerd_sim::articulated::device::{Real, SharedStates};
+fn on_card(n: usize) -> Outcome<Vec<Once>> {
+    use nerd_train::nerd_model::pick::Setting;
     use nerd_train::ppo::CudaEpisodes;
-    use nerd_train::{device::resident, learner::cuda::Precision, nerd_model::pick::Setting};
 
-    let mut simulation = ants(n, |system| Ok(resident(&Setting::Accurate, system, Real::F32, Precision::F16)?))?;
-    let mut states = SharedStates::new(&mut simulation)?;
     let mut episodes = CudaEpisodes::new(Arena::Card(Setting::Accurate).episodes("ant-run", n, 0)?)?;
-    let (device, actions) = (nerd_cuda::Device::open("", &[])?, episodes.upload(&vec![0.0; n * 8])?);
-    let torques = device.upload(&vec![0.0; n * 8])?;
-    let frame = move |last: bool| -> Outcome {
-        states.step(&mut simulation, torques.ptr)?;
-        if last {
-            states.beside().wait()?
-        }
-        Ok(())
-    };
+    let actions = episodes.upload(&vec![0.0; n * 8])?;
     let step = move |last: bool| -> Outcome {
         episodes.step(actions.ptr)?;
         if last {
@@ -76,5 +61,5 @@ fn on_card(n: usize) -> Outcome<[Once; 2]> {
         }
         Ok(())
     };
-    Ok([Box::new(frame), Box::new(step)])
+    Ok(vec![Box::new(step)])
 }

@@ -8,6 +8,7 @@ mod card;
 mod card_states;
 #[cfg(feature = "cuda")]
 mod card_task;
+mod dynamics;
 mod error;
 mod model;
 mod simulation;

@@ -3,9 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use nerd_core::dynamics::Data;
 use pyo3::prelude::*;
 
 use crate::arrays::{Floats, made};
+use crate::dynamics;
 use crate::error::value;
 
 /// A robot with what its file does not say: frame time, gravity, materials, starts, scenes.
@@ -144,6 +146,36 @@ impl System {
     #[getter]
     fn notes(&self) -> Vec<&str> {
         self.system.notes.iter().map(String::as_str).collect()
+    }
+
+    /// mass_matrix(states): M, float64 [n, nv, nv] (kg, kg m, kg m^2, with armatures), for states [n, nq + nv]; of one state [nq + nv] one
+    /// matrix. The kinetic energy is `qd M qd / 2`. Its rows and columns, as those of all of these, are of qd in `columns`: of a free root
+    /// the twist about the world's origin.
+    fn mass_matrix<'py>(&self, py: Python<'py>, states: &Bound<'py, PyAny>) -> PyResult<Floats<'py>> {
+        let nv = self.nv();
+        dynamics::each(py, &self.system, states, None, &[nv, nv], |data, state, _| dynamics::mass_matrix(&self.system, data, state))
+    }
+
+    /// jacobian(name, states): of a link or a frame, float64 [n, 6, nv]: `J qd` is its angular velocity (rad/s), and that of its origin
+    /// (m/s), world axes; `J^T` makes forces of a moment (N m) and a force (N) there.
+    fn jacobian<'py>(&self, py: Python<'py>, name: &str, states: &Bound<'py, PyAny>) -> PyResult<Floats<'py>> {
+        let frame = self.system.robot.frame(name).map_err(value)?;
+        let of = |data: &mut Data, state: &[f64], _: &[f64]| dynamics::jacobian(&self.system, &frame, data, state);
+        dynamics::each(py, &self.system, states, None, &[6, self.nv()], of)
+    }
+
+    /// inverse_dynamics(states, accelerations=None): forces `M qdd + h`, float64 [n, nv] (N m or N; of a free root the moment about the
+    /// world's origin and the force), for the rates qdd of qd, [n, nv]; without them h: of gravity, Coriolis and centrifugal forces.
+    /// Damping, limits and contact are not in it.
+    #[pyo3(signature = (states, accelerations=None))]
+    fn inverse_dynamics<'py>(
+        &self,
+        py: Python<'py>,
+        states: &Bound<'py, PyAny>,
+        accelerations: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Floats<'py>> {
+        let of = |data: &mut Data, state: &[f64], rates: &[f64]| dynamics::inverse_dynamics(&self.system, data, state, rates);
+        dynamics::each(py, &self.system, states, accelerations, &[self.nv()], of)
     }
 
     fn __repr__(&self) -> String {

@@ -57,6 +57,12 @@ class System:
         """The scene of a simulation where none is named."""
     @property
     def notes(self) -> list[str]: ...
+    def mass_matrix(self, states: Floats) -> Floats:
+        """M [n, nv, nv] for states [n, nq + nv], or [nv, nv] for one, in the order of qd."""
+    def jacobian(self, name: str, states: Floats) -> Floats:
+        """[n, 6, nv]: J qd is the angular velocity (rad/s) of a link or frame and that of its origin (m/s), world axes."""
+    def inverse_dynamics(self, states: Floats, accelerations: Floats | None = None) -> Floats:
+        """M qdd + h [n, nv] (N m or N) for the rates qdd [n, nv] of qd; without them h, the bias."""
 
 class Simulation:
     """n environments of a system, and the solver that steps them."""

@@ -24,7 +24,7 @@ def _word(value):
 def run(*verb, **options):
     """A verb with its options, `run("evaluate", robot="ant", solver="neural")`; its tables, by name, each a list of rows.
 
-    `starts=8` is `--starts 8`, `stream=True` is `--stream`, a list is joined by commas. What it tells goes to standard error.
+    Of a cell `2.1` you get a number, of `1.2 / 3.4` or `1.2 +- 3.4` a list of them, and None of `-`. `starts=8` is `--starts 8`, `stream=True` is `--stream`, a list is joined by commas. What it tells goes to standard error.
 
     Raises ValueError with the one line that it was refused with.
     """
@@ -63,7 +63,17 @@ def _run(verb, options):
     if options.get("help"):
         print(said)
         return {}, told
-    return json.loads(said) if said.strip() else {}, told
+    tables = json.loads(said) if said.strip() else {}
+    return {name: [{of: _value(cell) for of, cell in row.items()} for row in rows] for name, rows in tables.items()}, told
+
+
+def _value(cell):
+    """What a cell of a table says."""
+    try:
+        numbers = [float(part) for part in re.split(r" / | \+- ", cell)]
+    except ValueError:
+        return None if cell == "-" else cell
+    return numbers if len(numbers) > 1 else numbers[0]
 
 
 def _named(line):
@@ -91,7 +101,7 @@ def train_policy(task, out, robot=None, **options):
 
 
 def evaluate(robot=None, **options):
-    """How far a solver, a Model too, drifts from the truth; see `python -m nerd evaluate --help`. Tables, each a list of rows."""
+    """How far a solver, a Model too, drifts from the truth; see `python -m nerd evaluate --help`. Tables as of `run`."""
     if isinstance(options.get("solver"), Model):
         options["model"], options["solver"] = options["solver"], "neural"
     return run("evaluate", robot=robot, **options)
