@@ -7,7 +7,6 @@ use std::time::{Duration, Instant};
 use nerd_lab::live::{Act, Ask, Live, MOST, Menu, World};
 use nerd_model::pick::Setting;
 use nerd_sim::prelude::*;
-use nerd_train::evaluate::Gaps;
 
 /// A robot over its ground, held in its pose.
 fn over_ground(robot: &str, settings: Vec<Setting>) -> World {
@@ -21,8 +20,21 @@ fn over_ground(robot: &str, settings: Vec<Setting>) -> World {
 /// A limp Ant under the truth and two cheaper solvers.
 fn ant() -> World {
     let mut world = over_ground("ant", vec![Setting::Accurate, Setting::Implicit(1), Setting::RapierSteps(4)]);
-    world.answer(Ask::Hold { to: false });
+    world.answer(Ask::Hold(false));
     world
+}
+
+/// Its address, and the host of that.
+fn served(world: World) -> (Live, String, String) {
+    let live = Live::serve(world, 0).expect("a port");
+    let address = live.address();
+    let host = address.trim_start_matches("http://").to_string();
+    (live, address, host)
+}
+
+/// The frame that an answer tells of.
+fn frame(text: &str) -> Option<u64> {
+    text.split("\"frame\":").nth(1)?.split(',').next()?.parse().ok()
 }
 
 /// Steps, and where the robot's root is.
@@ -34,29 +46,18 @@ fn steps(world: &mut World, n: usize) -> [f32; 3] {
 }
 
 #[test]
-fn a_swap_keeps_the_state_and_the_ghost_says_how_far_the_solver_is() {
+fn a_swap_keeps_the_state_and_the_ghost_goes_its_own_way() {
     let mut world = ant();
     let before = steps(&mut world, 20);
-    world.answer(Ask::Ghost { to: true });
-    world.answer(Ask::Solver { to: 1 });
+    world.answer(Ask::Ghost(true));
+    world.answer(Ask::Solver(1));
     let after = steps(&mut world, 0);
     assert_eq!(before, after, "a swap moves the robot");
     assert_eq!(world.shown().apart, Some(0.0), "a ghost begins where the robot is");
-    // The same by hand: both solvers from the same state, under no torques.
-    let system = System::named("ant").expect("built in");
-    let mut batch = Batch::new(&system, &system.scene("ground").expect("its ground"), 1);
-    batch.reset(0, &system.default_state());
-    let mut truth = Simulation::new(batch, Articulated::new(ArticulatedConfig::accurate(&system)));
-    let none = vec![0.0; system.robot.joint_count()];
-    (0..20).for_each(|_| truth.step(&none).expect("a frame"));
-    let mut cheap = Simulation::new(truth.batch.clone(), Articulated::new(ArticulatedConfig::implicit(1, Friction::Coulomb)));
-    (0..30).for_each(|_| truth.step(&none).and_then(|()| cheap.step(&none)).expect("a frame"));
-    let mut gaps = vec![0.0; 2 + system.robot.joint_count()];
-    Gaps::new(&system).between(cheap.batch.state(0), truth.batch.state(0), &mut gaps);
-    let by_hand = gaps.iter().sum::<f64>() / gaps.len() as f64;
     steps(&mut world, 30);
+    // How far, the page's own test compares with `evaluate`.
     let apart = world.shown().apart.expect("a ghost");
-    assert!(by_hand > 1e-6 && (apart - by_hand).abs() < 1e-12, "the ghost is {apart} away, by hand {by_hand}");
+    assert!(apart > 1e-6 && apart < 0.1, "the ghost is {apart} away");
 }
 
 #[test]
@@ -65,10 +66,10 @@ fn a_hand_lifts_the_robot_under_every_solver_and_gravity_brings_it_down() {
     let height = |place: [f32; 3]| up.dot(&Vector3::from(place.map(f64::from)));
     for solver in 0..3 {
         let mut world = ant();
-        world.answer(Ask::Solver { to: solver });
+        world.answer(Ask::Solver(solver));
         let lies = steps(&mut world, 60);
         let target = Vector3::from(lies.map(f64::from)) + up;
-        world.answer(Ask::Drag { link: 0, local: [0.0; 3], target: target.into() });
+        world.answer(Ask::Drag(0, [0.0; 3], target.into()));
         let held = height(steps(&mut world, 180));
         // A spring whose stiffness is 60 times the mass gives by g / 60 under the weight: 0.164 m. It pulls once a frame, after which the robot rises at
         // g dt at most before it sinks again, and the damper takes that for motion.
@@ -79,11 +80,11 @@ fn a_hand_lifts_the_robot_under_every_solver_and_gravity_brings_it_down() {
             (law - 0.005..most + 0.005).contains(&sag),
             "solver {solver}: it hangs {sag} m below the hand, by the laws {law} to {most}"
         );
-        world.answer(Ask::Release {});
+        world.answer(Ask::Release);
         let down = height(steps(&mut world, 120));
         assert!(down < held - 0.5, "solver {solver}: released it is at {down}, held at {held}");
-        world.answer(Ask::Gravity { to: 0.0 });
-        world.answer(Ask::Reset {});
+        world.answer(Ask::Gravity(0.0));
+        world.answer(Ask::Reset);
         let first = height(steps(&mut world, 0));
         let still = height(steps(&mut world, 60));
         assert!(still >= first - 1e-3, "solver {solver}: without gravity it fell from {first} to {still}");
@@ -94,12 +95,12 @@ fn a_hand_lifts_the_robot_under_every_solver_and_gravity_brings_it_down() {
 fn what_cannot_be_asked_is_refused_in_a_line() {
     for (text, of) in [
         ("", "EOF"),
-        ("[]", "do"),
+        ("[]", "Ask"),
         (r#"{"do":"jump"}"#, "jump"),
         (r#"{"do":"gravity"}"#, "to"),
         (r#"{"do":"gravity","to":1e9}"#, "gravity"),
         (r#"{"do":"friction","to":-1}"#, "friction"),
-        (r#"{"do":"drag","link":0,"local":[0,0,0],"target":[0,0,1e9]}"#, "drag"),
+        (r#"{"do":"drag","to":[0,[0,0,0],[0,0,1e9]]}"#, "drag"),
         (r#"{"do":"pause","to":true,"more":1}"#, "more"),
         (r#"{"do":"substeps","to":0}"#, "substeps"),
         (r#"{"do":"envs","to":1000000000}"#, "envs"),
@@ -109,12 +110,12 @@ fn what_cannot_be_asked_is_refused_in_a_line() {
         assert!(error.contains(of) && !error.contains('\n'), "`{text}`: {error}");
     }
     let mut world = ant();
-    let drag = Ask::Drag { link: 99, local: [0.0; 3], target: [0.0; 3] };
-    for ask in [Ask::Solver { to: 99 }, drag, Ask::Robot { to: 99 }, Ask::Policy { to: 99 }] {
+    let drag = Ask::Drag(99, [0.0; 3], [0.0; 3]);
+    for ask in [Ask::Solver(99), drag, Ask::Robot(99), Ask::Policy(99)] {
         world.answer(ask);
         world.step();
         assert!(world.shown().trouble.contains("99"), "a frame later: `{}`", world.shown().trouble);
-        world.answer(Ask::Pause { to: false });
+        world.answer(Ask::Pause(false));
         steps(&mut world, 1);
     }
 }
@@ -146,9 +147,7 @@ fn get(address: &str, path: &str, host: &str) -> String {
 
 #[test]
 fn hostile_visitors_and_a_hundred_at_once_end_nothing() {
-    let live = Live::serve(ant(), 0).expect("a port");
-    let address = live.address();
-    let host = address.trim_start_matches("http://").to_string();
+    let (_live, address, host) = served(ant());
     assert!(host.starts_with("127.0.0.1:"), "it listens at {host}");
     let page = get(&address, "/", &host);
     assert!(page.starts_with("HTTP/1.1 200") && page.contains("ant &lt;in&gt; ground") && page.contains("\"solvers\""), "{page:.300}");
@@ -182,7 +181,6 @@ fn hostile_visitors_and_a_hundred_at_once_end_nothing() {
         let mut stream = TcpStream::connect(&host).expect("a connection");
         stream.write_all(format!("GET / HTTP/1.1\r\nHost: {host}\r\n\r\n").as_bytes()).expect("asked");
     }
-    let frame = |text: &str| text.split("\"frame\":").nth(1).and_then(|rest| rest.split(',').next()?.parse::<u64>().ok());
     let before = frame(&get(&address, "/state", &host)).expect("a frame");
     let began = Instant::now();
     let seen: Vec<_> = std::thread::scope(|scope| {
@@ -198,17 +196,15 @@ fn hostile_visitors_and_a_hundred_at_once_end_nothing() {
 
 #[test]
 fn a_flood_of_asks_does_not_stop_the_motion() {
-    let live = Live::serve(ant(), 0).expect("a port");
-    let address = live.address();
-    let host = address.trim_start_matches("http://").to_string();
-    let frame = || get(&address, "/state", &host).split("\"frame\":").nth(1).and_then(|rest| rest.split(',').next()?.parse::<u64>().ok());
-    let before = frame().expect("a frame");
+    let (_live, address, host) = served(ant());
+    let now = || frame(&get(&address, "/state", &host));
+    let before = now().expect("a frame");
     std::thread::scope(|scope| {
         for _ in 0..4 {
             scope.spawn(|| (0..100).for_each(|_| drop(post(&address, "application/json", r#"{"do":"hold","to":true}"#))));
         }
     });
-    let after = frame().expect("a frame");
+    let after = now().expect("a frame");
     assert!(after > before, "400 asks later it is still frame {after}");
 }
 
@@ -217,12 +213,10 @@ fn a_world_slower_than_time_still_hears() {
     let system = System::named("ant").expect("built in");
     let batch = Batch::new(&system, &system.scene("ground").expect("its ground"), 1024);
     let simulation = Simulation::new(batch, Articulated::new(ArticulatedConfig::accurate(&system)));
-    let live = Live::serve(World::new("many", Act::Alone(simulation), vec![Setting::Implicit(64)]).expect("a solver"), 0).expect("a port");
-    let address = live.address();
-    let host = address.trim_start_matches("http://");
+    let (_live, address, host) = served(World::new("many", Act::Alone(simulation), vec![Setting::Implicit(64)]).expect("a solver"));
     post(&address, "application/json", r#"{"do":"pause","to":true}"#);
     let began = Instant::now();
-    while !get(&address, "/state", host).contains("\"paused\":true") {
+    while !get(&address, "/state", &host).contains("\"paused\":true") {
         assert!(began.elapsed() < Duration::from_secs(60), "a minute later it has not paused");
     }
 }
@@ -231,10 +225,10 @@ fn a_world_slower_than_time_still_hears() {
 fn a_friction_that_was_changed_keeps_no_model_away() {
     let model = nerd_train::shipped::model(Truth::Articulated, "ant");
     let mut world = if model.exists() { over_ground("ant", vec![Setting::Accurate, Setting::Neural(model)]) } else { ant() };
-    world.answer(Ask::Friction { to: 0.1 });
-    world.answer(Ask::Solver { to: 1 });
+    world.answer(Ask::Friction(0.1));
+    world.answer(Ask::Solver(1));
     steps(&mut world, 5);
-    world.answer(Ask::Friction { to: 0.3 });
+    world.answer(Ask::Friction(0.3));
     steps(&mut world, 5);
 }
 
@@ -244,10 +238,10 @@ fn a_hand_at_a_toe_is_stable() {
     let mut world = over_ground("anymal", vec![Setting::Accurate]);
     let system = world.system().clone();
     let toe = system.robot.contact_points.last().expect("feet").clone();
-    world.answer(Ask::Ghost { to: true });
+    world.answer(Ask::Ghost(true));
     let up = -system.gravity().normalize();
     let target = Vector3::from(steps(&mut world, 30).map(f64::from)) + up;
-    world.answer(Ask::Drag { link: toe.link, local: toe.local.into(), target: target.into() });
+    world.answer(Ask::Drag(toe.link, toe.local.into(), target.into()));
     steps(&mut world, 240);
     let root = steps(&mut world, 1);
     assert!(root.iter().all(|x| x.abs() < 5.0), "the root is at {root:?} after four seconds");
@@ -258,23 +252,23 @@ fn a_hand_at_a_toe_is_stable() {
 #[test]
 fn substeps_are_those_of_the_solver_that_moves() {
     let mut world = ant();
-    world.answer(Ask::Solver { to: 1 });
-    world.answer(Ask::Substeps { to: 8 });
+    world.answer(Ask::Solver(1));
+    world.answer(Ask::Substeps(8));
     let shown = world.shown();
     assert_eq!((shown.name.as_str(), shown.substeps), ("articulated implicit x8", Some(8)));
     let by_hand = steps(&mut over_ground_limp(8), 40);
     assert_eq!(steps(&mut world, 40), by_hand, "eight substeps move as eight");
     assert_ne!(by_hand, steps(&mut over_ground_limp(1), 40), "and one otherwise");
     for solver in [2, 0] {
-        world.answer(Ask::Solver { to: solver });
-        world.answer(Ask::Substeps { to: 2 });
+        world.answer(Ask::Solver(solver));
+        world.answer(Ask::Substeps(2));
         assert_eq!(world.shown().trouble.is_empty(), solver == 2, "solver {solver}: {}", world.shown().trouble);
     }
 }
 
 fn over_ground_limp(substeps: usize) -> World {
     let mut world = over_ground("ant", vec![Setting::Implicit(substeps)]);
-    world.answer(Ask::Hold { to: false });
+    world.answer(Ask::Hold(false));
     world
 }
 
@@ -286,17 +280,17 @@ fn a_menu_leads_from_robot_to_policy_to_a_thousand() {
         let all = page["menu"][list].as_array().expect("a list").clone();
         all.iter().position(|own| own.as_str().is_some_and(|own| own.ends_with(name))).unwrap_or_else(|| panic!("no {name} in {list}"))
     };
-    world.answer(Ask::Robot { to: place("robots", "pendulum") });
+    world.answer(Ask::Robot(place("robots", "pendulum")));
     assert!(world.title().starts_with("pendulum in "), "{}", world.title());
     if !nerd_train::shipped::policies("").expect("a folder").is_empty() {
-        world.answer(Ask::Policy { to: 1 + place("policies", "ant-run-neural-200") });
+        world.answer(Ask::Policy(1 + place("policies", "ant-run-neural-200")));
         assert_eq!((world.title(), world.shown().trouble.as_str()), ("ant-run", ""));
         steps(&mut world, 3);
-        world.answer(Ask::Policy { to: 0 });
+        world.answer(Ask::Policy(0));
     }
     assert_eq!(world.shown().tracks.len(), 1);
     let numbers = world.number();
-    world.answer(Ask::Envs { to: 1000 });
+    world.answer(Ask::Envs(1000));
     world.page();
     let lines = |world: &World| world.crowd().chunks_exact(4).map(|x| f32::from_le_bytes([x[0], x[1], x[2], x[3]])).collect::<Vec<_>>();
     let before = lines(&world);
@@ -307,8 +301,8 @@ fn a_menu_leads_from_robot_to_policy_to_a_thousand() {
     let still = before.chunks_exact(each).zip(after.chunks_exact(each)).filter(|(a, b)| a == b).count();
     assert!(still == 0 && after.iter().all(|x| x.is_finite()), "{still} of 999 do not move");
     assert_eq!(world.number(), numbers + 1);
-    world.answer(Ask::Envs { to: MOST });
-    world.answer(Ask::Ghost { to: true });
+    world.answer(Ask::Envs(MOST));
+    world.answer(Ask::Ghost(true));
     steps(&mut world, 1);
     assert_eq!(world.shown().apart, Some(0.0), "the first of {MOST} under the truth is where its ghost is");
 }

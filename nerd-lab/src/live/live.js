@@ -117,7 +117,7 @@ function live({ robot, sticks, solvers, menu, number, friction, gravity }) {
     }
     return best;
   }
-  const drag = () => ask({ do: "drag", link: grip.link, local: grip.local, target: grip.target });
+  const drag = () => ask({ do: "drag", to: [grip.link, grip.local, grip.target] });
   seen.onpointerdown = e => {
     seen.setPointerCapture(e.pointerId);
     grip = state && painter && !e.shiftKey ? find(pointer(e)) : null;

@@ -151,21 +151,21 @@ impl World {
         let mut done = Ok(());
         let menu = self.menu.clone();
         match ask {
-            Ask::Pause { to } => self.paused = to,
-            Ask::Step {} => self.step(),
-            Ask::Reset {} => done = self.reset(),
-            Ask::Solver { to } => done = self.swap(to),
-            Ask::Substeps { to } => done = self.divide(to),
-            Ask::Ghost { to } => done = self.haunt(to),
-            Ask::Hold { to } => self.hold = to,
-            Ask::Friction { to } => done = self.rub(to),
-            Ask::Gravity { to } => self.weigh(to),
-            Ask::Drag { link, local, target } => done = self.grasp(Hand { link, local: local.into(), target: target.into() }),
-            Ask::Release {} => self.hand = None,
-            Ask::Robot { to } => done = self.choose(Menu { robot: to, scene: None, policy: 0, ..menu }),
-            Ask::Scene { to } => done = self.choose(Menu { scene: Some(to), policy: 0, ..menu }),
-            Ask::Policy { to } => done = self.choose(Menu { policy: to, ..menu }),
-            Ask::Envs { to } => done = self.choose(Menu { envs: to, ..menu }),
+            Ask::Pause(to) => self.paused = to,
+            Ask::Step => self.step(),
+            Ask::Reset => done = self.reset(),
+            Ask::Solver(to) => done = self.swap(to),
+            Ask::Substeps(to) => done = self.divide(to),
+            Ask::Ghost(to) => done = self.haunt(to),
+            Ask::Hold(to) => self.hold = to,
+            Ask::Friction(to) => done = self.rub(to),
+            Ask::Gravity(to) => self.weigh(to),
+            Ask::Drag(link, local, target) => done = self.grasp(Hand { link, local: local.into(), target: target.into() }),
+            Ask::Release => self.hand = None,
+            Ask::Robot(to) => done = self.choose(Menu { robot: to, scene: None, policy: 0, ..menu }),
+            Ask::Scene(to) => done = self.choose(Menu { scene: Some(to), policy: 0, ..menu }),
+            Ask::Policy(to) => done = self.choose(Menu { policy: to, ..menu }),
+            Ask::Envs(to) => done = self.choose(Menu { envs: to, ..menu }),
         }
         if let Err(error) = done {
             self.trouble = format!("{error:#}");

@@ -27,7 +27,7 @@ fn ant() -> World {
     let simulation = Simulation::new(batch, Articulated::new(ArticulatedConfig::accurate(&system)));
     let settings = vec![Setting::Accurate, Setting::Implicit(1), Setting::RapierSteps(4)];
     let mut world = World::new("ant", Act::Alone(simulation), settings).expect("a solver");
-    world.answer(Ask::Hold { to: false });
+    world.answer(Ask::Hold(false));
     world
 }
 
@@ -86,9 +86,9 @@ fn the_page_shows_and_does_what_the_solvers_say() {
     let asked = browser.run("asked");
     let asks: Vec<Ask> =
         asked.as_array().expect("asks").iter().map(|ask| Ask::read(ask.as_str().expect("a text")).expect("an ask")).collect();
-    assert!(asks.iter().any(|ask| matches!(ask, Ask::Drag { .. })), "the mouse has hold of nothing: {asks:?}");
+    assert!(asks.iter().any(|ask| matches!(ask, Ask::Drag(..))), "the mouse has hold of nothing: {asks:?}");
     let mut own = ant();
-    own.answer(Ask::Ghost { to: true });
+    own.answer(Ask::Ghost(true));
     let plain = |shown: Shown| serde_json::from_str::<Value>(&serde_json::to_string(&shown).expect("a frame")).expect("JSON");
     let still = plain(own.shown());
     asks.into_iter().for_each(|ask| own.answer(ask));
