@@ -1,6 +1,6 @@
 //! A solver by its description, as on the command line or in an experiment's settings; it is built once robot and scene are known.
 
-use nerd_model::{base::Base, form::View, pick::pick, transformer::Architecture};
+use nerd_model::{base::Base, form::View, transformer::Architecture};
 
 use crate::prelude::*;
 
@@ -15,22 +15,12 @@ pub enum Choice {
         truth: Option<String>,
         device: Device,
     },
-    /// The cheapest that a scene's chart in `results/` found to be so near to a converged motion (mean |dq|, rad or m).
-    Within(f64),
 }
 
 impl Choice {
     /// A model, whatever truth it learned, on the CPU.
     pub fn model(folder: impl Into<PathBuf>) -> Self {
         Self::Neural { folder: folder.into(), truth: None, device: Device::Cpu }
-    }
-
-    /// The solver for one scene: where a chart is to be asked, what it says.
-    pub fn in_scene(&self, system: &System, scene: &str) -> Result<Self> {
-        let Self::Within(tolerance) = self else { return Ok(self.clone()) };
-        let picked = pick(&shipped::results(), &system.name, scene, *tolerance)?;
-        tell!("{}: {:.2} us a frame for {:.2e}", picked.setting, picked.microseconds, picked.error);
-        Ok(Self::Setting(picked.setting))
     }
 
     /// The same as a setting, where it is one.
@@ -43,7 +33,6 @@ impl Choice {
                 let known = [Setting::Accurate, Setting::Paper, Setting::Implicit(n), Setting::Euler(n), Setting::Rk4(config.substeps)];
                 known.into_iter().find(|s| s.articulated(system).as_ref() == Some(config))
             }
-            Self::Within(_) => None,
         }
     }
 
@@ -55,7 +44,6 @@ impl Choice {
                 let law = if config.friction == Friction::Huber { ", huber friction" } else { "" };
                 format!("articulated x{}{law}", config.contact_substeps)
             }
-            (Self::Within(tolerance), _) => format!("within {tolerance}"),
             (Self::Setting(_), None) => String::new(),
         })
     }
@@ -84,7 +72,7 @@ impl Choice {
             Self::Articulated(config) => config.substeps.max(config.contact_substeps),
             Self::Setting(Setting::RapierSteps(n) | Setting::RapierOwn(n)) => n.saturating_mul(RapierConfig::default().iterations),
             Self::Setting(setting) => setting.substeps().unwrap_or(1),
-            Self::Neural { .. } | Self::Within(_) => 1,
+            Self::Neural { .. } => 1,
         }
     }
 
@@ -97,12 +85,11 @@ impl Choice {
         Ok(network.history.saturating_mul(token).saturating_mul(8))
     }
 
-    pub fn build(&self, system: &Arc<System>, scene: &str, n: usize) -> Result<Box<dyn Solver>> {
+    pub fn build(&self, system: &Arc<System>, n: usize) -> Result<Box<dyn Solver>> {
         Ok(match self {
             Self::Setting(setting) => setting.solver(system)?,
             Self::Articulated(config) => Box::new(Articulated::new(*config)),
             Self::Neural { folder, truth, device } => device.neural(folder, system, truth.as_deref(), n)?,
-            Self::Within(_) => self.in_scene(system, scene)?.build(system, scene, n)?,
         })
     }
 }

@@ -3,7 +3,7 @@
 //! A file leads to each file that defines something it names; re-exports are followed but lead nowhere themselves, and tests are left out. A
 //! use counts between the two names at which the files' paths part: two files of a folder, or folders.
 
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
@@ -11,8 +11,6 @@ use proc_macro2::{Delimiter, TokenStream, TokenTree};
 
 use crate::report::below;
 
-/// Uses of an edge that a line names.
-const SHOWN: usize = 4;
 /// Re-exports that are followed at most.
 const DEEP: usize = 20;
 /// Words before the name of what a module defines.
@@ -38,7 +36,7 @@ enum Target {
     In(usize),
 }
 
-/// One line for each circle in a workspace's crates.
+/// One line for each step of a circle in a workspace's crates.
 pub fn of_workspace(root: &Path) -> Result<Vec<String>> {
     let manifest = std::fs::read_to_string(root.join("Cargo.toml")).with_context(|| format!("no Cargo.toml in {}", root.display()))?;
     let manifest: toml::Table = toml::from_str(&manifest)?;
@@ -50,7 +48,7 @@ pub fn of_workspace(root: &Path) -> Result<Vec<String>> {
     Ok(lines)
 }
 
-/// One line for each circle in the sources of a crate.
+/// One line for each step of a circle in the sources of a crate.
 fn of_crate(src: &Path) -> Result<Vec<String>> {
     let modules = read(src)?;
     let mut graph = Graph::new();
@@ -66,14 +64,11 @@ fn of_crate(src: &Path) -> Result<Vec<String>> {
             }
         }
     }
-    let line = |circle: Vec<String>| {
-        let (first, last) = (&circle[0], &circle[circle.len() - 1]);
-        let all = &graph[last][first];
-        let closing: Vec<&str> = all.iter().take(SHOWN).map(String::as_str).collect();
-        let more = if all.len() > SHOWN { format!(" and {} more", all.len() - SHOWN) } else { String::new() };
-        format!("{} -> {first}, closed by {}{more}", circle.join(" -> "), closing.join(", "))
+    let line = |from: &str, (to, uses): (String, BTreeSet<String>)| {
+        let all: Vec<String> = uses.into_iter().collect();
+        format!("{from} -> {to} by {}", all.join(", "))
     };
-    Ok(circles(&graph).into_iter().map(line).collect())
+    Ok(circling(graph).into_iter().flat_map(|(from, all)| all.into_iter().map(move |to| line(&from, to))).collect())
 }
 
 /// The modules of all files; the root is the first.
@@ -236,38 +231,18 @@ fn parted(from: &Path, to: &Path) -> [String; 2] {
 /// Edges from a name to names, each with its uses.
 type Graph = BTreeMap<String, BTreeMap<String, BTreeSet<String>>>;
 
-/// The shortest circle through each name, once; its last step, back to its first name, is the one of fewest uses.
-fn circles(graph: &Graph) -> BTreeSet<Vec<String>> {
-    let mut all = BTreeSet::new();
-    for mut circle in graph.keys().filter_map(|name| shortest(graph, name)) {
-        let n = circle.len();
-        let uses = |k: usize| (graph[&circle[k]][&circle[(k + 1) % n]].len(), &circle[k]);
-        let fewest = (0..n).min_by_key(|k| uses(*k)).unwrap_or(0);
-        circle.rotate_left((fewest + 1) % n);
-        all.insert(circle);
-    }
-    all
-}
-
-fn shortest(graph: &Graph, start: &String) -> Option<Vec<String>> {
-    let (mut before, mut open) = (BTreeMap::<&String, &String>::new(), VecDeque::from([start]));
-    while let Some(name) = open.pop_front() {
-        for next in graph.get(name).into_iter().flat_map(BTreeMap::keys) {
-            if next == start {
-                let mut way = vec![name.clone()];
-                while let Some(last) = before.get(way.last()?) {
-                    way.push(last.to_string());
-                }
-                way.reverse();
-                return Some(way);
-            }
-            if !before.contains_key(next) {
-                before.insert(next, name);
-                open.push_back(next);
-            }
+/// What is left once names that nothing leads to, or that lead nowhere, are gone: steps of circles, and ways between them.
+fn circling(mut graph: Graph) -> Graph {
+    loop {
+        let before = graph.values().map(BTreeMap::len).sum::<usize>();
+        let led_to: BTreeSet<String> = graph.values().flat_map(BTreeMap::keys).cloned().collect();
+        graph.retain(|from, all| led_to.contains(from) && !all.is_empty());
+        let leads: BTreeSet<String> = graph.keys().cloned().collect();
+        graph.values_mut().for_each(|all| all.retain(|to, _| leads.contains(to)));
+        if graph.values().map(BTreeMap::len).sum::<usize>() == before {
+            return graph;
         }
     }
-    None
 }
 
 #[cfg(test)]
@@ -285,37 +260,32 @@ mod tests {
         of_crate(folder.path()).expect("a crate that parses")
     }
 
-    const OWN: &str = "pub struct Own;\npub use self::deep::Deep;\nmod deep;\n";
-
     #[test]
-    fn a_circle_is_found_through_a_reexport_and_in_a_macro() {
+    fn circles_are_found_through_reexports_macros_folders_and_preludes() {
         let lib = ("lib.rs", "mod body;\npub mod name;\npub use body::Own;\n");
-        let (body, deep) = (("body/mod.rs", OWN), ("body/deep.rs", "use crate::name::Name;\npub struct Deep(Name);\n"));
+        let body = ("body/mod.rs", "pub struct Own;\npub use self::deep::Deep;\nmod deep;\n");
+        let deep = ("body/deep.rs", "use crate::name::Name;\npub struct Deep(Name);\n");
         // Through the re-export at the root, inside a macro.
-        let name =
-            ("name.rs", "#[derive(Debug)]\npub struct Name;\npub fn print() {\n    println!(\"{:?}\", crate::body::Deep::of(1));\n}\n");
-        let end = "closed by name.rs:4 crate::body::Deep::of";
-        assert_eq!(circles_of(&[lib, body, deep, name]), [format!("body -> name.rs -> body, {end}")]);
+        let name = ("name.rs", "pub struct Name;\npub fn print() {\n    println!(\"{:?}\", crate::body::Deep::of(1));\n}\n");
+        let found = circles_of(&[lib, body, deep, name]);
+        assert_eq!(
+            found,
+            [
+                "body -> name.rs by body/deep.rs:1 crate::name::Name, body/deep.rs:2 Name",
+                "name.rs -> body by name.rs:3 crate::body::Deep::of"
+            ]
+        );
+
+        let lib = ("lib.rs", "mod a;\nmod b;\nmod prelude {\n    pub use crate::b::*;\n}\n");
+        let a = [("a/mod.rs", "pub mod low;\npub mod high;\n"), ("a/low.rs", "pub struct Low;\n")];
+        let high = ("a/high.rs", "use crate::prelude::*;\npub type High = Mid;\n");
+        let b = ("b.rs", "use super::a::low;\npub struct Mid(low::Low);\n");
+        let found = circles_of(&[lib, a[0], a[1], high, b, ("unused.rs", "")]);
+        assert_eq!(found, ["a -> b.rs by a/high.rs:2 Mid", "b.rs -> a by b.rs:2 low::Low"]);
     }
 
     #[test]
-    fn one_of_folders_alone_is_found() {
-        let a = [("lib.rs", "mod a;\nmod b;\n"), ("a/mod.rs", "pub mod low;\npub mod high;\n"), ("a/low.rs", "pub struct Low;\n")];
-        let b = [("a/high.rs", "use crate::b::*;\npub type High = Mid;\n"), ("b.rs", "use super::a::low;\npub struct Mid(low::Low);\n")];
-        let files = [a, [b[0], b[1], ("unused.rs", "")]].concat();
-        assert_eq!(circles_of(&files), ["b.rs -> a -> b.rs, closed by a/high.rs:2 Mid"]);
-    }
-
-    #[test]
-    fn one_through_a_prelude_is_found() {
-        let lib = ("lib.rs", "mod a;\nmod b;\nmod prelude {\n    pub use crate::b::Second;\n}\n");
-        let a = ("a.rs", "use crate::prelude::*;\npub struct First(Second);\n");
-        let b = ("b.rs", "use crate::a::First;\npub struct Second(First);\n");
-        assert_eq!(circles_of(&[lib, a, b]), ["b.rs -> a.rs -> b.rs, closed by a.rs:2 Second"]);
-    }
-
-    #[test]
-    fn tests_declarations_and_reexports_close_none() {
+    fn tests_declarations_reexports_and_lifetimes_close_none() {
         let lib = ("lib.rs", "mod a;\nmod b;\npub use b::Second;\n#[cfg(test)]\nmod tests { use super::b::Second; }\n");
         let a = ("a.rs", "pub struct First;\n#[cfg(test)]\nmod tests {\n    use crate::Second;\n}\n");
         let b =

@@ -1,10 +1,7 @@
-//! Picking a solver: the cheapest of a measured chart that is accurate enough.
-//!
-//! `cargo xtask chart` measures every setting of every solver, learned ones too, on one scene and writes
-//! `results/chart-ROBOT-SCENE/result.json`; [`pick`] reads it.
+//! Picking a solver by a setting that has a name, as charts and results have it.
 
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
@@ -134,68 +131,14 @@ impl From<Truth> for Setting {
     }
 }
 
-/// A solver as a chart found it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Picked {
-    /// Which, at which setting.
-    pub setting: Setting,
-    /// Frame of one environment on one core.
-    pub microseconds: f64,
-    /// Mean |difference| of q over the chart's horizon from its reference (rad or m).
-    pub error: f64,
-}
-
-/// Why no solver was picked or made; one line.
+/// Why no solver was made; one line.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PickError {
     /// A model that cannot be loaded.
     #[error(transparent)]
     Model(#[from] ModelError),
-    /// No chart of the scene, nothing on it that is accurate enough, or a solver that this build does not have.
+    /// A solver that this build does not have.
     #[error("{0}")]
     Refused(String),
-}
-
-/// The cheapest solver of the chart of `robot` in `scene` whose mean error is at most `tolerance` (rad or m) and of which no
-/// rollout left. `results` is the folder of the charts.
-///
-/// # Errors
-/// If the tolerance is not a number above 0, there is no chart, or nothing on it is accurate enough.
-pub fn pick(results: &Path, robot: &str, scene: &str, tolerance: f64) -> Result<Picked, PickError> {
-    #[derive(Deserialize)]
-    struct Chart {
-        points: Vec<Point>,
-    }
-    #[derive(Deserialize)]
-    struct Point {
-        /// Of another engine there is none.
-        setting: Option<Setting>,
-        microseconds: f64,
-        error: f64,
-        diverged: usize,
-    }
-    if tolerance.is_nan() || tolerance <= 0.0 {
-        return Err(PickError::Refused(format!("a tolerance of {tolerance}: a number above 0 is needed (rad or m)")));
-    }
-    let path = results.join(format!("chart-{robot}-{scene}/result.json"));
-    let wrong = |reason: String| {
-        let path = path.display();
-        PickError::Refused(format!("{path}: {reason}; `cargo xtask chart --robot {robot} --scene {scene}` measures it"))
-    };
-    let text = std::fs::read_to_string(&path).map_err(|e| wrong(e.to_string()))?;
-    let chart: Chart = serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))?;
-    let here = |setting: &Setting| {
-        cfg!(feature = "rapier") || !matches!(setting, Setting::Rapier(_) | Setting::RapierSteps(_) | Setting::RapierOwn(_))
-    };
-    let sound = chart.points.into_iter().filter_map(|Point { setting, microseconds, error, diverged }| {
-        let kept = diverged == 0 && error >= 0.0 && error.is_finite() && microseconds > 0.0;
-        setting.filter(|setting| kept && here(setting)).map(|setting| Picked { setting, microseconds, error })
-    });
-    let sound: Vec<Picked> = sound.collect();
-    let best = sound.iter().map(|p| p.error).fold(f64::INFINITY, f64::min);
-    let enough = sound.into_iter().filter(|p| p.error <= tolerance);
-    enough.min_by(|a, b| a.microseconds.total_cmp(&b.microseconds)).ok_or_else(|| {
-        PickError::Refused(format!("no solver measured on {robot}, {scene} comes within {tolerance}; the best is {best:.2e} away"))
-    })
 }

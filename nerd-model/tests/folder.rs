@@ -207,7 +207,7 @@ fn a_folder_cut_off_while_it_was_written_is_none() {
 fn shipped_models_are_of_built_in_robots_and_known_truths() {
     let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models");
     let below = |folder: &Path| std::fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path()).collect::<Vec<_>>();
-    let all = below(&models).into_iter().chain(below(&models.join("sizes"))).filter(|folder| folder.join("config.json").exists());
+    let all = below(&models).into_iter().filter(|folder| folder.join("config.json").exists());
     for folder in all {
         let config = ModelConfig::read(&folder).expect("a card");
         let system = System::named(&config.robot).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));

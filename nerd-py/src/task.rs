@@ -65,7 +65,7 @@ pub fn read(
     let arena = Choice::new(solver, device)?.arena(&name, task.robot(), family.as_deref())?;
     threads::here(n)?;
     let about = task.about();
-    let mut episodes = arena.part(task, 0..n, seeded(seed)?).map_err(value)?;
+    let mut episodes = arena.begin(task, n, seeded(seed)?).map_err(value)?;
     // Nobody goes on with these from a file.
     episodes.remember(0);
     Ok((Read { about, name, system, family }, episodes))
@@ -126,7 +126,7 @@ impl Task {
     fn swap(&self, py: Python<'_>, solver: PathBuf, device: &str) -> PyResult<()> {
         let task = nerd_tasks::named(&self.read.name).map_err(value)?;
         let arena = Choice::new(solver, device)?.arena(&self.read.name, task.robot(), self.read.family.as_deref())?;
-        let solver = arena.part(task, 0..self.n, 0).map_err(value)?.simulation.solver;
+        let solver = arena.begin(task, self.n, 0).map_err(value)?.simulation.solver;
         self.with(py, |all| all.simulation.solver = solver)
     }
 

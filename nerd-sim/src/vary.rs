@@ -135,14 +135,9 @@ fn varied(system: &System, take: &mut dyn FnMut(&Drawn) -> f64) -> Option<(Syste
 
 /// `n` environments in the scene of this name, each with numbers of its own; as many robots as one where there is no `[vary]`.
 pub fn batch(system: &Arc<System>, scene: &str, n: usize, seed: u64) -> Result<Batch, SystemError> {
-    part(system, scene, 0..n, seed)
-}
-
-/// Some of more environments, with the robots that they have there.
-pub fn part(system: &Arc<System>, scene: &str, envs: std::ops::Range<usize>, seed: u64) -> Result<Batch, SystemError> {
-    let mut batch = Batch::new(system, &system.scene(scene)?, envs.len());
+    let mut batch = Batch::new(system, &system.scene(scene)?, n);
     if system.spec.vary.is_some() {
-        batch.systems = envs.map(|env| draw(system, &mut stream(seed, env as u64)).0).collect();
+        batch.systems = (0..n).map(|env| draw(system, &mut stream(seed, env as u64)).0).collect();
         batch.scenes = batch.systems.iter().map(|own| own.scene(scene)).collect::<Result<_, _>>()?;
     }
     Ok(batch)

@@ -46,7 +46,7 @@ pub struct RolloutArgs {
 pub fn run(args: RolloutArgs) -> Result<()> {
     let system = System::named(&args.robot)?;
     let scene = system.scene(&args.scene)?;
-    let choice = args.solver.choose(&system)?.in_scene(&system, &scene.name)?;
+    let choice = args.solver.choose(&system)?;
     if args.solver.solver != Some(SolverName::Neural) {
         unused(&[("--truth", args.solver.truth.is_some())], "without --solver neural, whose model learned it")?;
     }
@@ -58,7 +58,7 @@ pub fn run(args: RolloutArgs) -> Result<()> {
     memory(&[("trajectories", n), ("--frames", steps)], 24 * (system.robot.state_dim() + 2))?;
     memory(&[("trajectories", n)], bytes)?;
     time(&[("trajectories", n), ("--frames", steps), ("substeps", choice.substeps())])?;
-    let mut solver = choice.build(&system, &scene.name, n)?;
+    let mut solver = choice.build(&system, n)?;
     let bar = bar("frames", steps as u64);
     let table = file.roll(&system, &scene, &mut *solver, steps, &mut |done| bar.set(done as u64))?;
     bar.finish();

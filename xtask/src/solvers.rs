@@ -30,10 +30,6 @@ pub struct SolverArgs {
     /// Folder of the model of `neural` [default: models/ROBOT, with --truth rapier models/ROBOT-rapier]
     #[arg(long)]
     pub model: Option<PathBuf>,
-    /// In place of --solver: the cheapest that `results/chart-ROBOT-SCENE` found to be at most so far (mean |dq|, rad or m)
-    /// from a converged motion
-    #[arg(long, value_name = "ERROR", value_parser = value::<f64>(Positive))]
-    pub tolerance: Option<f64>,
     /// Where `neural` is computed [default: cpu]
     #[arg(long, value_parser = word::<Device>(MODELS))]
     pub device: Option<Device>,
@@ -55,11 +51,6 @@ impl SolverArgs {
         let (model, device) = (("--model", self.model.is_some()), ("--device", self.device.is_some()));
         let (preset, friction) = (("--preset", self.preset.is_some()), ("--friction", self.friction.is_some()));
         let substeps = ("--substeps", self.substeps.is_some());
-        if let Some(tolerance) = self.tolerance {
-            let named = ("--solver", self.solver.is_some());
-            unused(&[named, preset, friction, substeps, model, device], "beside --tolerance, which picks a solver and its settings")?;
-            return Ok(Choice::Within(tolerance));
-        }
         if let Some(truth) = self.truth {
             truth.check(&system.robot, system.spec.self_collision).map_err(|e| anyhow!("--truth: {e}"))?;
         }

@@ -1,6 +1,6 @@
 //! `cargo xtask stability`: where each method holds, bends and breaks. Failures are the point.
 
-use nerd_lab::{experiments::learned::Learned, experiments::stability::Stability};
+use nerd_lab::experiments::stability::Stability;
 
 use crate::{options::DEVICES, out::conduct, prelude::*};
 
@@ -9,9 +9,6 @@ pub struct StabilityArgs {
     /// Rows whose name contains one of these words, comma-separated [default: all]
     #[arg(long, value_delimiter = ',')]
     pub rows: Vec<String>,
-    /// Model folders, comma-separated: asks of learned models, in their place, written as stability-FOLDER
-    #[arg(long, value_delimiter = ',')]
-    pub model: Vec<PathBuf>,
     /// The articulated solver on a GPU beside the CPU's, in place of all methods, written as stability-device
     #[arg(long, value_parser = word::<Device>(DEVICES))]
     pub device: Option<Device>,
@@ -23,19 +20,10 @@ pub struct StabilityArgs {
 pub fn run(args: StabilityArgs) -> Result<()> {
     let out = args.out.unwrap_or_else(nerd_train::shipped::results);
     if args.device == Some(Device::Cuda) {
-        unused(&[("--model", !args.model.is_empty())], "beside --device cuda")?;
         #[cfg(feature = "cuda")]
         return conduct(&Stability::on_device(&args.rows)?, &out).map(drop);
         #[cfg(not(feature = "cuda"))]
         anyhow::bail!("--device cuda needs a build with `--features cuda`");
     }
-    if args.model.is_empty() {
-        return conduct(&Stability::new(&args.rows)?, &out).map(drop);
-    }
-    let models = args.model.iter().map(|folder| Learned::new(folder, &args.rows)).collect::<Result<Vec<_>>>()?;
-    for model in models {
-        say!("{}\n", model.title());
-        conduct(&model, &out)?;
-    }
-    Ok(())
+    conduct(&Stability::new(&args.rows)?, &out).map(drop)
 }

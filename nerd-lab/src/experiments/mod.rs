@@ -8,7 +8,6 @@ pub mod carried;
 pub mod chart;
 pub mod family;
 pub mod games;
-pub mod learned;
 pub mod motions;
 pub mod passive;
 pub mod policies;

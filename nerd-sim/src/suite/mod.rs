@@ -49,9 +49,15 @@ impl Suite {
         Self { rows: rows::all().collect() }
     }
 
-    /// Of these rows those with one of `words` in their names; all of them if there is no word.
-    pub fn only(self, words: &[impl AsRef<str>]) -> Result<Self, Error> {
-        Ok(Self { rows: only(self.rows, words)? })
+    /// Of these rows those with one of `words` in their names; all of them if there is no word. A word that none has is refused.
+    pub fn only(mut self, words: &[impl AsRef<str>]) -> Result<Self, Error> {
+        let has = |row: &Row, word: &str| row.name.contains(word);
+        if let Some(word) = words.iter().map(AsRef::as_ref).find(|word| !self.rows.iter().any(|row| has(row, word))) {
+            let names: Vec<String> = self.rows.iter().map(|row| format!("`{}`", row.name)).collect();
+            return Err(Error::Row(word.into(), names.join(", ")));
+        }
+        self.rows.retain(|row| words.is_empty() || words.iter().any(|word| has(row, word.as_ref())));
+        Ok(self)
     }
 
     /// The rows, in the order of tables.
@@ -69,13 +75,5 @@ impl Suite {
         };
         let line = |row: &&'static Row| row.line(methods.par_iter().map(|m| measure(row, m)).collect());
         self.rows.par_iter().map(line).collect()
-    }
-}
-
-/// Of some rows those with one of `words` in their names, or all; refuses a word that none has.
-pub fn only<M>(rows: Vec<&'static Row<M>>, words: &[impl AsRef<str>]) -> Result<Vec<&'static Row<M>>, Error> {
-    match words.iter().map(AsRef::as_ref).find(|word| !rows.iter().any(|row| row.name.contains(word))) {
-        Some(word) => Err(Error::Row(word.into(), rows.iter().map(|row| format!("`{}`", row.name)).collect::<Vec<_>>().join(", "))),
-        None => Ok(rows.into_iter().filter(|row| words.is_empty() || words.iter().any(|w| row.name.contains(w.as_ref()))).collect()),
     }
 }

@@ -10,7 +10,7 @@ type Measure = fn(&Trial) -> Result<f64, Error>;
 
 /// One scene and what is measured in it.
 #[derive(Clone, Copy, Debug)]
-pub struct Row<M = Measure> {
+pub struct Row {
     /// Name.
     pub name: &'static str,
     /// What the figure is.
@@ -24,15 +24,7 @@ pub struct Row<M = Measure> {
     /// Largest figure that passes; up to ten times as much is degraded.
     pub limit: f64,
     /// Measures.
-    pub measure: M,
-}
-
-impl<M> Row<M> {
-    /// With what came out, a cell for each method.
-    pub fn line(&self, cells: Vec<Cell>) -> Line {
-        let [row, figure, unit, source, why] = [self.name, self.figure, self.unit, self.source, self.why].map(String::from);
-        Line { row, figure, unit, source, why, limit: self.limit, cells }
-    }
+    measure: Measure,
 }
 
 impl Row {
@@ -48,11 +40,17 @@ impl Row {
         Self { why, ..self }
     }
 
+    /// With what came out, a cell for each method.
+    pub(super) fn line(&self, cells: Vec<Cell>) -> Line {
+        let [row, figure, unit, source, why] = [self.name, self.figure, self.unit, self.source, self.why].map(String::from);
+        Line { row, figure, unit, source, why, limit: self.limit, cells }
+    }
+
     /// Asks a method.
     pub fn cell(&self, method: &Method) -> Cell {
         let trial = Trial::new(method);
         match (self.measure)(&trial) {
-            Err(Error::NoFiner | Error::Step(StepError::Refused(_))) => Cell::unasked(),
+            Err(Error::NoFiner | Error::Step(StepError::Refused(_))) => Cell { figure: None, lost: None, verdict: Verdict::Unasked },
             measured => Cell::new(measured, trial.lost.take(), self.limit),
         }
     }
@@ -103,7 +101,7 @@ pub struct Cell {
 
 impl Cell {
     /// The measured figure and, if the solver gave up before, its error, against a limit.
-    pub fn new(measured: Result<f64, impl fmt::Display>, lost: Option<String>, limit: f64) -> Self {
+    fn new(measured: Result<f64, impl fmt::Display>, lost: Option<String>, limit: f64) -> Self {
         // Beyond all limits, and still a number.
         const HUGE: f64 = 1e300;
         let lost = measured.as_ref().err().map(ToString::to_string).or(lost);
@@ -116,11 +114,6 @@ impl Cell {
             _ => Verdict::Fail,
         };
         Self { figure: Some(figure), lost, verdict }
-    }
-
-    /// Of a question that the method cannot be asked.
-    pub fn unasked() -> Self {
-        Self { figure: None, lost: None, verdict: Verdict::Unasked }
     }
 }
 

@@ -205,15 +205,21 @@ fn slopes_by_parameters_are_those_of_central_differences() {
     use nerd_sim::calibrate::{Engine, Parameter, Subject};
     let contact = ["friction", "stiffness", "damping", "friction-damping", "gravity", "height", "tilt.x", "tilt.y", "size"];
     let cube = ["mass", "com.x", "com.z", "inertia", "spread.y", "rounding"].map(String::from);
-    let ant = System::named("ant").expect("built in");
-    let (torso, leg) = (&ant.robot.links[0].name, &ant.robot.links[4].name);
-    let joint = &ant.robot.joints().nth(2).expect("a joint").name;
-    let ant = [format!("mass:{torso}"), format!("com.y:{leg}"), format!("inertia:{leg}"), format!("mass:{leg}")];
-    let joints = ["joint-damping", "joint-friction", "armature"].map(|name| format!("{name}:{joint}"));
+    // Of two links and a joint.
+    let parts = |robot: &str| {
+        let robot = &built_in(robot).robot;
+        let [trunk, limb] = [0, 4].map(|link| &robot.links[link].name);
+        let joint = &robot.joints().nth(2).expect("a joint").name;
+        let joints = ["joint-damping", "joint-friction", "armature"].map(|name| format!("{name}:{joint}"));
+        let links = [format!("mass:{trunk}"), format!("com.y:{limb}"), format!("inertia:{limb}"), format!("mass:{limb}")];
+        links.into_iter().chain(joints)
+    };
     let arm = ["gravity".to_string(), "mass:pole".into(), "com.z:pole".into(), "inertia:pole".into(), "joint-damping:hinge".into()];
     for (name, scene, names) in [
         ("cube", "ground", contact.map(String::from).into_iter().chain(cube).collect::<Vec<_>>()),
-        ("ant", "ground", contact.map(String::from).into_iter().chain(ant).chain(joints).collect()),
+        ("ant", "ground", contact.map(String::from).into_iter().chain(parts("ant")).collect()),
+        ("anymal", "ground", contact.map(String::from).into_iter().chain(parts("anymal")).collect()),
+        ("franka", "free", parts("franka").collect()),
         ("cartpole", "free", arm.into()),
     ] {
         let (mut solver, mut random) = (settled(four()), stream(3, 0));

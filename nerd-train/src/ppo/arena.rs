@@ -1,7 +1,5 @@
 //! The simulator that a policy acts in: a truth, or a model of one.
 
-use std::ops::Range;
-
 #[cfg(feature = "cuda")]
 use nerd_sim::articulated::device::Real;
 use nerd_sim::{rig::LATEST, vary};
@@ -134,7 +132,7 @@ impl Arena {
 
     /// `n` episodes of a task.
     pub fn episodes(&self, task: &str, n: usize, seed: u64) -> Result<Episodes> {
-        self.part(named(task)?, 0..n, seed)
+        self.begin(named(task)?, n, seed)
     }
 
     /// Settings of a task by PPO: of a file, those called `small` or `paper`, or by what a step here costs.
@@ -153,7 +151,7 @@ impl Arena {
 
     /// A run of a task, built-in or not, from random weights, with its policy where the episodes are.
     pub fn trainer(&self, task: Box<dyn Task>, config: PpoConfig, seed: u64) -> Result<Trainer> {
-        let episodes = self.part(task, 0..config.environments, seed)?;
+        let episodes = self.begin(task, config.environments, seed)?;
         #[allow(unused_mut)]
         let mut trainer = Trainer::new(episodes, config, seed)?;
         #[cfg(feature = "cuda")]
@@ -170,9 +168,8 @@ impl Arena {
         Ok(trainer)
     }
 
-    /// Some of the episodes, by their numbers among all, of a task that need not be built in.
-    pub fn part(&self, task: Box<dyn Task>, envs: Range<usize>, seed: u64) -> Result<Episodes> {
-        let n = envs.len();
+    /// `n` episodes of a task that need not be built in.
+    pub fn begin(&self, task: Box<dyn Task>, n: usize, seed: u64) -> Result<Episodes> {
         let system = match self {
             Self::Judge(Setting::Paper) => System::named(&format!("{}-paper", task.robot()))?,
             Self::Family(_, family, _) => family.clone(),
@@ -183,7 +180,7 @@ impl Arena {
         }
         let batch = match self {
             // From other streams than the episodes.
-            Self::Family(..) => vary::part(&system, task.scene(), envs.clone(), !seed)?,
+            Self::Family(..) => vary::batch(&system, task.scene(), n, !seed)?,
             _ => Batch::new(&system, &system.scene(task.scene())?, n),
         };
         // And how many frames back its next step depends on.
@@ -195,8 +192,8 @@ impl Arena {
             }
             Self::Family(truth, ..) => (truth.solver(&system), LATEST as usize + 1),
             Self::Guess(guess) => {
-                let real = Self::Family(guess.truth, guess.family.clone(), Device::Cpu).part(named(task.name())?, 0..ROBOTS, seed)?;
-                return guess.episodes(task, n, seed, envs.start, real);
+                let real = Self::Family(guess.truth, guess.family.clone(), Device::Cpu).begin(named(task.name())?, ROBOTS, seed)?;
+                return guess.episodes(task, n, seed, real);
             }
             Self::Model { folder, device } => {
                 let model = Model::load(folder, &system, None)?;
@@ -208,7 +205,7 @@ impl Arena {
             Self::Card(setting) => (crate::device::resident(setting, &system, Real::F32, Precision::F16)?, 0),
             Self::Guest(_, make) => (make(&system, &batch.scenes[0])?, 0),
         };
-        let mut episodes = Episodes::part(task, Simulation { batch, solver }, seed, envs.start);
+        let mut episodes = Episodes::new(task, Simulation { batch, solver }, seed);
         episodes.remember(memory);
         Ok(episodes)
     }

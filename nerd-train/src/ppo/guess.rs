@@ -29,12 +29,12 @@ pub struct Guess {
 }
 
 impl Guess {
-    /// So many episodes from number `first` on in the model, of robots that have just begun `real` ones in the truth.
-    pub(super) fn episodes(&self, task: Box<dyn Task>, n: usize, seed: u64, first: usize, real: Episodes) -> Result<Episodes> {
+    /// So many episodes in the model, of robots that have just begun `real` ones in the truth.
+    pub(super) fn episodes(&self, task: Box<dyn Task>, n: usize, seed: u64, real: Episodes) -> Result<Episodes> {
         let model = Model::load(&self.folder, &self.family, None)?;
         let beginnings = self.beginnings(&*task, &model, real)?;
         let batch = Batch::new(&self.family, &self.family.scene(task.scene())?, n);
-        let mut episodes = Episodes::part(task, Simulation { batch, solver: self.solver(&model, n)? }, seed, first);
+        let mut episodes = Episodes::new(task, Simulation { batch, solver: self.solver(&model, n)? }, seed);
         episodes.begin_at(beginnings)?;
         Ok(episodes)
     }

@@ -1,31 +1,9 @@
 //! What is rolled out.
 
-use nerd_sim::articulated::device::{Reach, record};
-
 use super::*;
-
-/// Numbers of a rollout, as the host sends it to a device: motion, first frame of the update, whether it restarts, four of its view.
-pub const ROLLOUT: usize = 7;
-
-/// Numbers of a row on a device.
-#[derive(Clone, Copy, Debug)]
-pub struct Widths {
-    /// Of a state, and of a gradient by it.
-    pub state: usize,
-    /// Of what a frame keeps for its way back.
-    pub kept: usize,
-    /// Of a token.
-    pub inputs: usize,
-    /// Torques of a frame that are seen, the first ones.
-    pub torques: usize,
-    /// Threads of a rollout, which is a block of its own.
-    pub threads: usize,
-}
 
 /// How states are seen by a network, moved by its outputs and judged, with the way back of each: vector-Jacobian products by hand.
 pub trait Body: Clone + Send + Sync {
-    /// Whether rollouts go on in the next update, so that a network learns from its own states.
-    const CARRIED: bool;
     /// From where a motion is seen.
     type View: Copy + Send + Sync;
     /// As the network moves it.
@@ -70,41 +48,10 @@ pub trait Body: Clone + Send + Sync {
         slope: &mut Self::Slope,
         memory: &mut Self::Memory,
     );
-    /// Whether a rollout is near enough to the truth to go on from where an update ended; asked of those that are [`Self::CARRIED`].
-    fn near(&self, _state: &Self::State, _truth: &Self::State) -> bool {
-        false
-    }
+    /// Whether a rollout is near enough to the truth to go on from where an update ended, so that a network learns from its own states.
+    fn near(&self, state: &Self::State, truth: &Self::State) -> bool;
     /// What a network misses of the change over single frames, as a share of it; of so many frames, at even distances.
     fn missed(&self, motions: &Motions, network: &Loaded, frames: usize) -> f64;
-}
-
-/// A body that has kernels.
-pub trait OnCard: Body {
-    /// Of its rows.
-    fn widths(&self) -> Widths;
-    /// The text of its kernels for so many rollouts, in scenes of at most so many colliders.
-    fn program(&self, system: &Arc<System>, rollouts: usize, colliders: usize) -> String;
-    /// By which they read scenes.
-    fn settings() -> ArticulatedConfig;
-    /// A view as numbers.
-    fn numbers(view: &Self::View) -> [f64; 4];
-
-    /// A scene as numbers.
-    fn record(&self, system: &System, scene: &Scene, colliders: usize) -> Result<Vec<f64>, String> {
-        record(scene, system, &Self::settings(), Reach { colliders, ..Reach::default() })
-    }
-
-    /// A rollout's numbers.
-    fn row(place: &Place<Self::View>, anew: bool) -> [f64; ROLLOUT] {
-        let [a, b, c, d] = Self::numbers(&place.view);
-        [place.motion as f64, place.frame as f64, f64::from(u8::from(anew)), a, b, c, d]
-    }
-}
-
-/// A table of kernels.
-pub(super) fn table(name: &str, numbers: &[f64]) -> String {
-    let numbers: Vec<String> = numbers.iter().map(|x| format!("{x:e}")).collect();
-    format!("TABLE double {name}[] = {{{}}};\n", numbers.join(", "))
 }
 
 /// A frame of a motion.

@@ -8,30 +8,37 @@ use nerd_cuda::Arg::{Double, Int, Long, Ptr};
 use nerd_cuda::{Arg, Buffer, Device, DeviceError, Replay};
 use nerd_model::program::Slot;
 
+use nerd_model::chain::INPUTS;
+
+use super::chain::{Cable, ROLLOUT, View};
 use super::*;
 use crate::learner::cuda::{Network, Optimiser, Plan, Precision};
 
-const KERNELS: [&str; 9] = [
+const KERNELS: [&str; 10] = [
     "unroll_truths",
     "unroll_begin",
     "unroll_look",
     "unroll_advance",
+    "unroll_end",
     "unroll_behind",
     "unroll_said",
     "unroll_back",
     "unroll_add",
     "unroll_total",
 ];
+/// Torques that are seen: those of the gripper.
+const LED: usize = 6;
 /// Recorded states that are sent at a time.
 const SENT: usize = 1 << 16;
 
-/// Trains a network on motions, as [`super::UnrollLearner`] does.
-pub struct CudaUnrollLearner<B: OnCard> {
-    widths: Widths,
+/// Trains a cable's network on motions, as [`super::UnrollLearner`] does.
+pub struct CudaUnrollLearner {
+    /// Threads of a rollout, which is a block of its own.
+    threads: usize,
     config: LearnerConfig,
-    course: Course<B>,
+    course: Course<Cable>,
     /// Where the last update ended; a resumed run restarts all of them.
-    ended: Vec<Option<Place<B::View>>>,
+    ended: Vec<Option<Place<View>>>,
     step: u64,
     network: Network,
     motions: Recorded,
@@ -49,7 +56,7 @@ pub struct CudaUnrollLearner<B: OnCard> {
     replay: Replay,
 }
 
-impl<B: OnCard> CudaUnrollLearner<B> {
+impl CudaUnrollLearner {
     /// Continues `state`.
     ///
     /// # Errors
@@ -59,7 +66,7 @@ impl<B: OnCard> CudaUnrollLearner<B> {
         config: LearnerConfig,
         precision: Precision,
         state: LearnerState,
-        course: Course<B>,
+        course: Course<Cable>,
     ) -> Result<Self, LearnError> {
         config.check().map_err(LearnError::Mismatch)?;
         course.check()?;
@@ -68,25 +75,23 @@ impl<B: OnCard> CudaUnrollLearner<B> {
         let plan = Plan::new(state.weights.config.program(), body.tokens())?;
         let mut network = Network::new(plan, rows, precision, true)?;
         let colliders = train.scenes.iter().map(|scene| scene.colliders.len()).max().unwrap_or(0);
-        let text = body.program(system, rows, colliders);
-        let last = B::CARRIED.then_some("unroll_end");
-        network.device.add(&(text + include_str!("sums.cuh")), &KERNELS.into_iter().chain(last).collect::<Vec<_>>())?;
-        let (d, n, widths) = (&network.device, rows, body.widths());
+        network.device.add(&(body.program(system, colliders) + include_str!("sums.cuh")), &KERNELS)?;
+        let (d, n, rods, width) = (&network.device, rows, body.chain.rods, body.width());
         let optimiser = Optimiser::new(d, config, &state, BETA[1])?;
         Ok(Self {
             ended: vec![None; n],
             step: state.step,
             motions: Recorded::on(d, system, body, train, colliders)?,
             rollouts: d.zeros(n * ROLLOUT)?,
-            states: d.zeros((frames + 1) * n * widths.state)?,
-            upstream: d.zeros(n * widths.state)?,
-            kept: d.zeros((n * widths.kept).max(1))?,
-            by_tokens: d.zeros(n * widths.inputs)?,
+            states: d.zeros((frames + 1) * n * width)?,
+            upstream: d.zeros(n * width)?,
+            kept: d.zeros(n * 4 * rods)?,
+            by_tokens: d.zeros(n * rods * INPUTS)?,
             of_frame: d.zeros(optimiser.weights.len)?,
             losses: d.zeros(n)?,
             nears: d.zeros(n)?,
             replay: Replay::default(),
-            widths,
+            threads: rods.next_multiple_of(32).min(128),
             config,
             course,
             network,
@@ -99,12 +104,12 @@ impl<B: OnCard> CudaUnrollLearner<B> {
         let (frames, through) = (self.course.frames, self.course.train.frames);
         let draws = self.course.draws(self.config.seed, self.step, self.config.batch);
         // Single frames are learned from the truth alone.
-        let nears = if B::CARRIED && frames > 1 { self.network.device.download(&self.nears)? } else { vec![0; self.ended.len()] };
+        let nears = if frames > 1 { self.network.device.download(&self.nears)? } else { vec![0; self.ended.len()] };
         let mut rows = Vec::with_capacity(self.ended.len() * ROLLOUT);
         for ((ended, draw), near) in self.ended.iter_mut().zip(draws).zip(nears) {
             let kept = ended.filter(|place| near != 0 && !draw.anew && place.frame + frames <= through);
             let place = kept.unwrap_or(draw.place);
-            rows.extend(B::row(&place, kept.is_none()));
+            rows.extend(Cable::row(&place, kept.is_none()));
             *ended = Some(Place { frame: place.frame + frames, ..place });
         }
         Ok(rows)
@@ -118,7 +123,7 @@ impl<B: OnCard> CudaUnrollLearner<B> {
     }
 
     fn each(&self, kernel: &str, args: &[Arg]) -> Result<(), DeviceError> {
-        self.network.device.launch(kernel, (self.network.rows, 1), (self.widths.threads, 1), 0, args)
+        self.network.device.launch(kernel, (self.network.rows, 1), (self.threads, 1), 0, args)
     }
 
     /// The gradient of an update, followed by the loss.
@@ -135,9 +140,7 @@ impl<B: OnCard> CudaUnrollLearner<B> {
             net.predict(w, n)?;
             self.along("unroll_advance", &[states, Int(k), outputs])?;
         }
-        if B::CARRIED {
-            self.along("unroll_end", &[states, Int(frames), Ptr(self.nears.ptr)])?;
-        }
+        self.along("unroll_end", &[states, Int(frames), Ptr(self.nears.ptr)])?;
         for k in (0..frames).rev() {
             let later = frames - 1 - k;
             let rest = [Double(weight), upstream, Ptr(self.losses.ptr), tokens, kept];
@@ -164,18 +167,18 @@ struct Recorded {
 }
 
 impl Recorded {
-    fn on<B: OnCard>(d: &Device, system: &System, body: &B, motions: &Motions, colliders: usize) -> Result<Self, LearnError> {
-        let (count, widths) = (motions.len() * (motions.frames + 1), body.widths());
-        let truths = d.zeros(count * widths.state)?;
+    fn on(d: &Device, system: &System, body: &Cable, motions: &Motions, colliders: usize) -> Result<Self, LearnError> {
+        let count = motions.len() * (motions.frames + 1);
+        let truths = d.zeros(count * body.width())?;
         let states = motions.states();
         let width = states.len() / count.max(1);
         for (i, part) in states.chunks(SENT * width).enumerate() {
             let (sent, rows) = (d.upload(part)?, part.len() / width);
-            let args = [Ptr(sent.ptr), Ptr(truths.at(i * SENT * widths.state)), Long(rows as u64)];
+            let args = [Ptr(sent.ptr), Ptr(truths.at(i * SENT * body.width())), Long(rows as u64)];
             d.launch("unroll_truths", (rows.div_ceil(64), 1), (64, 1), 0, &args)?;
             d.wait()?;
         }
-        let torques = |i: usize| (0..motions.frames).flat_map(move |k| motions.torques(i, k)[..widths.torques].iter().copied());
+        let torques = |i: usize| (0..motions.frames).flat_map(move |k| motions.torques(i, k)[..LED].iter().copied());
         let torques: Vec<f64> = (0..motions.len()).flat_map(torques).chain([0.0]).collect();
         let mut scenes = Vec::new();
         for scene in &motions.scenes {
@@ -185,7 +188,7 @@ impl Recorded {
     }
 }
 
-impl<B: OnCard> Learner for CudaUnrollLearner<B> {
+impl Learner for CudaUnrollLearner {
     fn update(&mut self, lr: f32) -> Result<(), LearnError> {
         let rows = self.drawn()?;
         let d = &self.network.device;

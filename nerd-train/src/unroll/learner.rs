@@ -74,7 +74,7 @@ impl<B: Body> Learner for UnrollLearner<B> {
         parts.iter().for_each(|part| gradient.iter_mut().zip(&part.1).for_each(|(sum, g)| *sum += g));
         self.optimiser.update(lr, loss as f32, &gradient)?;
         // Single frames are learned from the truth alone.
-        let carried = B::CARRIED && self.course.frames > 1;
+        let carried = self.course.frames > 1;
         self.rollouts = rollouts.into_par_iter().map(|r| (carried && self.near(&r)).then_some(r)).collect();
         Ok(())
     }

@@ -21,10 +21,10 @@ mod pass;
 pub mod robot;
 
 use crate::prelude::*;
-use body::{bent, table};
+use body::bent;
 use course::BETA;
 
-pub use body::{Body, OnCard, Place, ROLLOUT, Widths, join};
+pub use body::{Body, Place, join};
 pub use course::Course;
 #[cfg(feature = "cuda")]
 pub use cuda::CudaUnrollLearner;

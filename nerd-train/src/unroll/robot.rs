@@ -67,8 +67,6 @@ pub struct Scratch {
 }
 
 impl Body for Robot {
-    /// What a free body is off grows by itself, and rollouts that begin there undo what single frames taught.
-    const CARRIED: bool = false;
     type View = ();
     type State = Vec<f64>;
     type Slope = Vec<f64>;
@@ -141,6 +139,11 @@ impl Body for Robot {
         scratch: &mut Scratch,
     ) {
         self.around.token_back(before, (contacts, *gravity), by_tokens, &mut scratch.data, slope);
+    }
+
+    /// What a free body is off grows by itself, and rollouts that begin there undo what single frames taught.
+    fn near(&self, _: &Vec<f64>, _: &Vec<f64>) -> bool {
+        false
     }
 
     fn missed(&self, motions: &Motions, network: &Loaded, frames: usize) -> f64 {

@@ -210,32 +210,27 @@ fn a_learned_solver_goes_on_too() {
     }
 }
 
-/// Environments of a family have robots of their own, a part of them the same ones, and a snapshot knows which torques are late.
+/// Environments of a family have robots of their own, the same for a seed, and a snapshot knows which torques are late.
 #[test]
 fn each_environment_has_a_robot_of_a_family() {
     let arena = |name: &str| Arena::family("ant-run", name, Truth::Articulated, Device::Cpu);
     let family = arena("ant-family").expect("a family of the Ant");
     let mut all = family.episodes("ant-run", 6, 3).expect("episodes");
-    let mut part = family.part(named("ant-run").expect("a task"), 2..5, 3).expect("episodes");
     let masses = |e: &Episodes| e.simulation.batch.systems.iter().map(|own| own.robot.mass()).collect::<Vec<f64>>();
     let drawn = masses(&all);
     assert!((1..6).all(|k| drawn[k] != drawn[k - 1]) && drawn.len() == 6);
-    assert_eq!(masses(&part), drawn[2..5]);
     assert!(masses(&family.episodes("ant-run", 6, 4).expect("episodes")) != drawn);
-    let actions = |step: usize, n: usize, first: usize| -> Vec<f64> {
-        (8 * first..8 * (first + n)).map(|k| (1.3 * k as f64 + step as f64).sin()).collect()
+    let go = |all: &mut Episodes, step: usize| {
+        drop(all.step(&(0..48).map(|k| (1.3 * k as f64 + step as f64).sin()).collect::<Vec<_>>()).expect("a step"))
     };
-    for step in 0..6 {
-        all.step(&actions(step, 6, 0)).expect("a step");
-        part.step(&actions(step, 3, 2)).expect("a step");
-    }
-    assert_eq!(all.simulation.batch.states[2 * 29..5 * 29], part.simulation.batch.states);
-    let mut again = family.part(named("ant-run").expect("a task"), 2..5, 3).expect("episodes");
-    again.restore(&part.snapshot()).expect("of these episodes");
+    (0..6).for_each(|step| go(&mut all, step));
+    let mut again = family.episodes("ant-run", 6, 3).expect("episodes");
+    assert_eq!(masses(&again), drawn);
+    again.restore(&all.snapshot()).expect("of these episodes");
     for step in 6..9 {
-        [&mut part, &mut again].into_iter().for_each(|e| drop(e.step(&actions(step, 3, 2)).expect("a step")));
+        [&mut all, &mut again].into_iter().for_each(|e| go(e, step));
     }
-    assert_eq!(part.simulation.batch.states, again.simulation.batch.states);
+    assert_eq!(all.simulation.batch.states, again.simulation.batch.states);
     for (name, why) in [("pendulum-family", "its links or joints are others"), ("ant", "give its TOML a [vary]")] {
         let said = arena(name).map(|_| ()).expect_err(name).to_string();
         assert!(said.contains(why), "{name}: {said}");

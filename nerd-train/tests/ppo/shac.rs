@@ -82,7 +82,7 @@ fn in_as_many_steps_slopes_teach_more_than_samples() {
         let mut run = centre(algorithm, 16 * 16 * 60);
         let started = std::time::Instant::now();
         (0..60).for_each(|_| _ = run.iterate().expect("goes on"));
-        let mut other = model("cartpole").part(Box::new(Centre), 0..64, 9).expect("episodes");
+        let mut other = model("cartpole").begin(Box::new(Centre), 64, 9).expect("episodes");
         let games = play(&run.state.policy, &mut other, &mut |_| ()).expect("plays");
         let mean = games.iter().map(|game| game.reward).sum::<f64>() / 64.0;
         println!("{algorithm:?}: an episode earns {mean:.2}, learned in {:.1?}", started.elapsed());

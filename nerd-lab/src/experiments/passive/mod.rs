@@ -135,9 +135,8 @@ impl Passive {
             };
             let found = scenes.iter().map(|s| system.scene(s)).collect::<Result<Vec<_>, _>>()?;
             for scene in found {
-                let case = Case { solver: case.solver.in_scene(&system, &scene.name)?, ..case.clone() };
-                check(&case, truth, &system, &scene, steps)?;
-                asked.push(Asked { case, system: system.clone(), scene, truth, method: method.clone(), protocol });
+                check(case, truth, &system, &scene, steps)?;
+                asked.push(Asked { case: case.clone(), system: system.clone(), scene, truth, method: method.clone(), protocol });
             }
         }
         Ok(Self { name: name.into(), seed: cases.first().map_or(0, |case| case.asked.seed), asked })
@@ -170,7 +169,7 @@ fn check(case: &Case, truth: Truth, system: &System, scene: &Scene, steps: usize
     if itself && shake == 0.0 {
         bail!(
             "`{}` against itself is 0 everywhere; name what to measure: --solver neural or rapier, --preset, --friction or --substeps, \
-             --tolerance, --shake",
+             --shake",
             truth.name()
         );
     }
@@ -184,7 +183,7 @@ fn check(case: &Case, truth: Truth, system: &System, scene: &Scene, steps: usize
 impl Asked {
     fn measure(&self, progress: &mut dyn FnMut(usize)) -> Result<Row> {
         let Self { case, system, scene, truth, method, protocol } = self;
-        let mut solver = case.solver.build(system, &scene.name, protocol.starts)?;
+        let mut solver = case.solver.build(system, protocol.starts)?;
         if case.asked.shake > 0.0 {
             solver = Box::new(Shaken::new(solver, case.asked.shake, protocol.seed));
         }

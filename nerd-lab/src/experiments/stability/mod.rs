@@ -16,11 +16,6 @@ pub struct StabilityMap {
 }
 
 impl StabilityMap {
-    pub(super) fn measured(self) -> Result<Measured> {
-        let table = self.table();
-        Measured::new(&self, vec![table])
-    }
-
     /// The figures with a mark: nothing for a pass, `!` for degraded, `!!` for failed, `lost` where the solver gave up.
     fn table(&self) -> Table {
         let mark = |c: &Cell| match c.verdict {
@@ -101,6 +96,7 @@ impl Experiment for Stability {
         let bar = bar("cells", self.cells() as u64);
         let rows = self.suite.run(&self.methods, |done| bar.set(done as u64));
         bar.finish();
-        StabilityMap { methods: self.methods.iter().map(|m| m.name.clone()).collect(), rows }.measured()
+        let map = StabilityMap { methods: self.methods.iter().map(|m| m.name.clone()).collect(), rows };
+        Measured::new(&map, vec![map.table()])
     }
 }

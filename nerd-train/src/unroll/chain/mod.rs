@@ -6,6 +6,7 @@ mod scales;
 mod view;
 
 use nerd_model::chain::{Chain, Gripper, INPUTS, Look, OUTPUTS, Outputs, Rods, chain_functions, numbers};
+use nerd_sim::articulated::device::{Reach, record};
 
 pub use judge::distance;
 pub use loss::Loss;
@@ -15,6 +16,8 @@ pub use view::View;
 use super::*;
 use judge::{apart, missed};
 
+/// Numbers of a rollout on a device.
+pub const ROLLOUT: usize = 7;
 /// Mean distance (m) of nodes from the truth beyond which a rollout teaches nothing of it any more.
 const ASTRAY: f64 = 0.03;
 
@@ -30,7 +33,6 @@ pub struct Cable {
 }
 
 impl Body for Cable {
-    const CARRIED: bool = true;
     type View = View;
     type State = Rods;
     type Slope = Rods;
@@ -102,29 +104,35 @@ impl Body for Cable {
 }
 
 /// On the kernels of a chain's frames, in 64 bits.
-impl OnCard for Cable {
-    fn widths(&self) -> Widths {
-        let rods = self.chain.rods;
-        let threads = rods.next_multiple_of(32).min(128);
-        Widths { state: numbers(&self.chain), kept: 4 * rods, inputs: rods * INPUTS, torques: 6, threads }
+impl Cable {
+    /// Numbers of a state on a device.
+    pub fn width(&self) -> usize {
+        numbers(&self.chain)
     }
 
-    fn program(&self, system: &Arc<System>, _: usize, colliders: usize) -> String {
+    /// The text of its kernels, in scenes of at most so many colliders.
+    pub fn program(&self, system: &Arc<System>, colliders: usize) -> String {
         let mut text = chain_functions(&self.chain, &self.scale, system, colliders);
         let loss = &self.loss;
         for (name, x) in [("SHARE", loss.share), ("BY_RATE", loss.rate), ("BY_SPEED", loss.velocity), ("ASTRAY", ASTRAY)] {
             text += &format!("#define {name} {x:e}\n");
         }
-        let own = [include_str!("../shared.cuh"), include_str!("chain.cuh"), include_str!("chain_frame.cuh")];
-        text + &table("BY_LED", &loss.gripper) + &own.concat()
+        let led: Vec<String> = loss.gripper.iter().map(|x| format!("{x:e}")).collect();
+        text += &format!("TABLE double BY_LED[] = {{{}}};\n", led.join(", "));
+        text + include_str!("../shared.cuh") + include_str!("chain.cuh") + include_str!("chain_frame.cuh")
     }
 
-    fn settings() -> ArticulatedConfig {
-        ArticulatedConfig::implicit(1, Friction::Coulomb)
+    /// A scene as numbers.
+    ///
+    /// # Errors
+    /// If it has no kernels.
+    pub fn record(&self, system: &System, scene: &Scene, colliders: usize) -> Result<Vec<f64>, String> {
+        record(scene, system, &ArticulatedConfig::implicit(1, Friction::Coulomb), Reach { colliders, ..Reach::default() })
     }
 
-    fn numbers(view: &View) -> [f64; 4] {
-        [view.mirror, view.sin, view.cos, view.yaw]
+    /// A rollout as the host sends it to a device: motion, first frame of the update, whether it begins anew, its view.
+    pub fn row(Place { motion, frame, view }: &Place<View>, anew: bool) -> [f64; ROLLOUT] {
+        [*motion as f64, *frame as f64, f64::from(u8::from(anew)), view.mirror, view.sin, view.cos, view.yaw]
     }
 }
 
