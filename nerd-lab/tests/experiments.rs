@@ -171,10 +171,10 @@ fn what_a_run_has_of_its_own_is_told_by_its_first_frames() {
     (settings.before, settings.frames, settings.every, settings.splits) = (300, 60, 60, 2);
     let reason = refusal(settings.measure().map(drop));
     assert!(reason.contains("too few folds"), "{reason}");
-    settings.by = names(&["search"]);
+    settings.train = 50;
     let reason = refusal(settings.measure().map(drop));
-    assert!(reason.contains("--solvers, --by and --train"), "{reason}");
-    settings.by = Calibration::default().by;
+    assert!(reason.contains("--solvers and --train"), "{reason}");
+    settings.train = Calibration::default().train;
     (settings.splits, settings.every, settings.evaluations, settings.trials) = (3, 30, 400, 60);
     let measured = settings.measure().expect("a calibration");
     let found: Runs = serde_json::from_value(measured.data.into()).expect("its data");

@@ -27,10 +27,8 @@ settings! {
         data: Option<PathBuf> = None, Text;
         /// Name of the result [default: calibrate- and the TOML's first word]
         name: String = String::new(), Text;
-        /// Solvers, comma-separated: articulated, rapier
+        /// Solvers, comma-separated: articulated, fitted by slopes where its robot has them, and rapier, which is searched
         solvers: Vec<String> = vec!["articulated".into(), "rapier".into()], Texts;
-        /// How `articulated` is fitted, comma-separated: slopes, search; rapier, which has no slopes, is searched
-        by: Vec<String> = vec!["slopes".into()], Texts;
         /// Substeps of `articulated` (the implicit step)
         substeps: usize = 4, Whole(1..=1024);
         /// Parameters, comma-separated [default: all that free motion may determine]
@@ -121,9 +119,9 @@ impl Calibration {
         Ok((subject, parameters))
     }
 
-    fn calibrated(&self, log: &Log, (solver, by): (&str, &str), parts: &[Parts]) -> Result<Calibrated> {
+    fn calibrated(&self, log: &Log, solver: &str, parts: &[Parts]) -> Result<Calibrated> {
         let (subject, parameters) = self.subject(log, solver)?;
-        let bar = bar(&format!("{solver} by {by}"), (parts.len() * self.evaluations) as u64);
+        let bar = bar(solver, (parts.len() * self.evaluations) as u64);
         let one = |(k, part): (u64, &Parts)| -> Result<(Split, Fit)> {
             let mut before = 0;
             let progress = &mut |own: usize, _| {
@@ -131,7 +129,7 @@ impl Calibration {
                 before = own;
             };
             let (evaluations, trials, seed) = (self.evaluations, self.trials, self.seed + k);
-            let (config, begun) = (FitConfig { evaluations, trials, seed, slopes: by == "slopes" }, Instant::now());
+            let (config, begun) = (FitConfig { evaluations, trials, seed, slopes: true }, Instant::now());
             let fit = subject.fit(&parameters, &part.train, config, progress)?;
             let (seconds, fitted) = (begun.elapsed().as_secs_f64(), subject.with(&parameters, &fit.values)?);
             Ok((part.split([&subject, &fitted], (&fit, seconds), seed)?, fit))
@@ -141,7 +139,6 @@ impl Calibration {
         let some: Vec<Trial> = thinned(&parts[0].train, BEHIND);
         let own = Fit { before: mean(&subject.distances(&some)?), ..found[0].1.clone() };
         let profiles = subject.profiles(&parameters, &own, &some, PLACES)?;
-        let found_by_slopes = own.slopes;
         let splits: Vec<Split> = found.into_iter().map(|(split, _)| split).collect();
         bar.finish();
         if !splits.iter().all(|s| s.fit.objective.is_finite()) || profiles.iter().flatten().any(|p| !p[1].is_finite()) {
@@ -149,7 +146,7 @@ impl Calibration {
         }
         let solver = if solver == "articulated" { format!("articulated implicit x{}", self.substeps) } else { solver.into() };
         let parameters = parameters.iter().map(|p| (p.name.clone(), [p.low, p.nominal, p.high], p.unit.into())).collect();
-        let by = if found_by_slopes { "slopes" } else { "search" }.into();
+        let by = if own.slopes { "slopes" } else { "search" }.into();
         Ok(Calibrated { solver, by, parameters, splits, profiles })
     }
 
@@ -159,27 +156,13 @@ impl Calibration {
         log.notes.iter().for_each(|note| tell!("{note}"));
         bounds::once("--parameters", &self.parameters)?;
         bounds::once("--solvers", &self.solvers)?;
-        bounds::once("--by", &self.by)?;
-        if let Some(other) = self.by.iter().find(|by| !["slopes", "search"].contains(&by.as_str())) {
-            bail!("--by {other}: choose from slopes, search");
-        }
         self.solvers.iter().try_for_each(|solver| self.engine(solver).map(drop))?;
         let ready = able(&self.solvers, |solver| self.subject(&log, solver).map(|_| solver))?;
         let trials = log.trials(self.frames, self.every);
         let seeds = self.seed..self.seed + self.splits as u64;
         let parts: Vec<Parts> = seeds.clone().map(|seed| Parts::new(&log, &trials, self.train, seed)).collect::<Result<_>>()?;
         let still = parts.iter().zip(seeds).map(|(part, seed)| part.still(&log, seed)).collect();
-        let fitted = able(&ready, |solver| {
-            let (mut all, search): (Vec<Calibrated>, _) = (Vec::new(), vec!["search".to_string()]);
-            for by in if solver == "rapier" { &search } else { &self.by } {
-                // A robot without slopes has been searched already.
-                if all.iter().all(|fitted| fitted.by != *by) {
-                    all.push(self.calibrated(&log, (solver, by), &parts)?);
-                }
-            }
-            Ok(all)
-        })?
-        .concat();
+        let fitted = able(&ready, |solver| self.calibrated(&log, solver, &parts))?;
         let modelled = self.modelled(&log, &parts)?;
         let (sizes, robot) = ([log.trajectories.len(), trials.len()], log.system.name.clone());
         Ok(CalibratedAll { settings: self.clone(), robot, notes: log.notes, sizes, still, published: log.published, fitted, modelled })
@@ -229,7 +212,7 @@ impl Experiment for Calibration {
         for folder in &self.models {
             inputs.add(Input::model(folder)?);
         }
-        let effort = (self.splits * self.solvers.len() * self.by.len() * self.evaluations * self.trials) as f64;
+        let effort = (self.splits * self.solvers.len() * self.evaluations * self.trials) as f64;
         Ok(About { name, seed: self.seed, effort, inputs })
     }
 

@@ -146,8 +146,8 @@ impl Calibration {
             );
         }
         let usual = Calibration::default();
-        if self.solvers != usual.solvers && self.solvers != ["articulated"] || (&self.by, self.train) != (&usual.by, usual.train) {
-            bail!("--own: `articulated` is fitted by slopes, and every run is judged; --solvers, --by and --train say nothing of that");
+        if self.solvers != usual.solvers && self.solvers != ["articulated"] || self.train != usual.train {
+            bail!("--own: `articulated` is fitted by slopes, and every run is judged; --solvers and --train say nothing of that");
         }
         bounds::once("--own and --held", &[&self.own[..], &self.held].concat())?;
         let logs = self.log.iter().map(|path| Log::read(path, self.data.as_deref())).collect::<std::result::Result<Vec<_>, _>>()?;

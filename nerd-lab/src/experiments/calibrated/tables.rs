@@ -18,11 +18,8 @@ impl CalibratedAll {
             figures.into_iter().chain(std::iter::repeat_n("-".to_string(), none)).collect()
         }));
         for solver in &self.fitted {
-            let before = self.described(solver);
             let of = |field: fn(&Split) -> &Scored| solver.splits.iter().map(field).collect::<Vec<_>>();
-            if before {
-                rows.push(line(&format!("{}, as described", solver.solver), joints, &of(|s| &s.before), Some(&of(|s| &s.whole_before))));
-            }
+            rows.push(line(&format!("{}, as described", solver.solver), joints, &of(|s| &s.before), Some(&of(|s| &s.whole_before))));
             rows.push(line(
                 &format!("{}, calibrated by {}", solver.solver, solver.by),
                 joints,
@@ -54,11 +51,6 @@ impl CalibratedAll {
         ))
     }
 
-    /// Whether it is the first fit of its solver.
-    fn described(&self, fitted: &Calibrated) -> bool {
-        self.fitted.iter().find(|other| other.solver == fitted.solver).is_some_and(|first| first.by == fitted.by)
-    }
-
     /// What each fit took, and what it is worth.
     pub(super) fn fits(&self) -> Table {
         let line = |solver: &Calibrated, k: usize, split: &Split| {
@@ -77,7 +69,7 @@ impl CalibratedAll {
     }
 
     pub(super) fn parameters(&self) -> Table {
-        let rows = self.fitted.iter().filter(|solver| self.described(solver)).flat_map(|solver| {
+        let rows = self.fitted.iter().flat_map(|solver| {
             solver.parameters.iter().enumerate().map(|(k, (name, [low, nominal, high], unit))| {
                 let [value, spread] = over_splits(solver, k);
                 let word = match rise(solver, k) {
