@@ -269,17 +269,18 @@ impl Episodes {
             let envs = chunk * CHUNK..(chunk * CHUNK + CHUNK).min(failed.len());
             let judged = envs.map(|env| {
                 if failed[env] {
-                    return (0.0, true, false, None);
+                    return (vec![0.0; 1 + task.terms().len()], true, false, None);
                 }
                 let view = view(batch, goals, task.goal_dim(), env);
                 let terminated = task.terminated(view, work);
-                let reward = task.reward(view, &torques[env * joints..(env + 1) * joints], work);
-                (reward, terminated, !terminated && batch.frames[env] >= length, task.miss(view, work))
+                let rewards = task.rewards(view, &torques[env * joints..(env + 1) * joints], work);
+                (rewards, terminated, !terminated && batch.frames[env] >= length, task.miss(view, work))
             });
             judged.collect::<Vec<_>>()
         });
-        for (reward, terminated, truncated, miss) in chunks.collect::<Vec<_>>().into_iter().flatten() {
-            result.rewards.push(reward);
+        for (rewards, terminated, truncated, miss) in chunks.collect::<Vec<_>>().into_iter().flatten() {
+            result.rewards.push(rewards[0]);
+            result.terms.extend(&rewards[1..]);
             result.terminated.push(terminated);
             result.truncated.push(truncated);
             result.misses.push(miss);

@@ -14,6 +14,8 @@ pub(crate) const CHUNK: usize = 32;
 pub struct StepResult {
     /// Rewards.
     pub rewards: Vec<f64>,
+    /// What they are made of, `[env][`[`crate::Task::terms`]`]`; 0 where the solver could not go on.
+    pub terms: Vec<f64>,
     /// Episodes that ended in a terminal state.
     pub terminated: Vec<bool>,
     /// Episodes that ran out of time. The state they were in has a value yet: see `reached`.

@@ -151,6 +151,16 @@ pub trait Task: Send + Sync {
     /// Reward for arriving here; `torques` acted in the last frame.
     fn reward(&self, view: View, torques: &[f64], work: &mut Work) -> f64;
 
+    /// Names of what its reward is made of, of a task that names it.
+    fn terms(&self) -> &[String] {
+        &[]
+    }
+
+    /// The reward, and behind it the terms.
+    fn rewards(&self, view: View, torques: &[f64], work: &mut Work) -> Vec<f64> {
+        vec![self.reward(view, torques, work)]
+    }
+
     /// How far this is from what is asked for, in units of what may be missed; none of a task that does not speak of success. An episode
     /// has succeeded in which the mean over the last half of its steps is 1 at most.
     fn miss(&self, _view: View, _work: &mut Work) -> Option<f64> {

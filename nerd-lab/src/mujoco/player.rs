@@ -128,7 +128,7 @@ pub fn play(python: &Path, onnx: &Path, contract: &Contract, policy: &Policy, mu
             if games[ended.env].is_some() {
                 continue;
             }
-            games[ended.env] = Some(Game { reward: ended.total, length: ended.length, miss: None });
+            games[ended.env] = Some(Game { reward: ended.total, length: ended.length, ..Game::default() });
             played.fallen += usize::from(result.terminated[ended.env]);
         }
         bar.set(step);

@@ -75,6 +75,16 @@ impl<'a> Reader<'a> {
         }
     }
 
+    /// Names of the file's own that were read so far and are one number.
+    pub fn names(&self) -> Vec<(String, Traced<'a>)> {
+        let known = self.known.borrow();
+        let one = |name: &String| match known.get(name)?.as_ref()?.numbers[..] {
+            [one] => Some((name.clone(), one)),
+            _ => None,
+        };
+        self.lets.keys().filter_map(one).collect()
+    }
+
     fn value(&self, key: &str, text: &str) -> Result<Value<'a>, String> {
         let at = |span: proc_macro2::Span, said: &str| {
             // A wrong name of the file's own says itself where.

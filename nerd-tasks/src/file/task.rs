@@ -22,9 +22,10 @@ pub struct FileTask {
     goal: Vec<[f64; 2]>,
     /// Names of those, as far as they have some.
     names: Vec<String>,
+    terms: Vec<String>,
     place: bool,
     keys: Keys,
-    /// Observation, torques, reward, end and miss.
+    /// Observation, torques, reward and its terms, end and miss.
     observe: Program,
     act: Program,
     reward: Program,
@@ -65,18 +66,27 @@ impl FileTask {
         let levels = keys.levels.map(|levels| (goal.len() - 2, levels));
         names(&facts, &keys, &commands).map_err(wrong)?;
         let share = Traced::from(keys.allowed.0.recip());
-        let read = |part: Part, key: &str, all: &[(String, String)], summed: bool| {
+        let mut terms = Vec::new();
+        let mut read = |part: Part, key: &str, all: &[(String, String)], summed: bool| {
             let tape = Tape::default();
             let reader = Reader::new(&tape, &facts, part, &keys.lets, &commands, actions, goal.len());
             let mut out: Vec<Traced> = Vec::new();
             for (own, text) in all {
                 let key = if own.is_empty() { key.to_string() } else { format!("{key}.{own}") };
-                if summed {
-                    let term = reader.one(&key, text).map_err(wrong)?;
-                    out = vec![out.first().map_or(term, |sum| *sum + term)];
+                out.extend(if summed { vec![reader.one(&key, text).map_err(wrong)?] } else { reader.read(&key, text).map_err(wrong)? });
+            }
+            if key == "reward" {
+                // Of one expression, the names that it speaks of.
+                let own = if let [(name, _)] = all
+                    && name.is_empty()
+                {
+                    reader.names()
                 } else {
-                    out.extend(reader.read(&key, text).map_err(wrong)?);
-                }
+                    all.iter().map(|own| own.0.clone()).zip(out.iter().copied()).collect()
+                };
+                let (names, values): (Vec<_>, Vec<_>) = own.into_iter().unzip();
+                out = out.into_iter().reduce(|a, b| a + b).into_iter().chain(values).collect();
+                terms = names;
             }
             if key == "miss" && keys.allowed.0 != 1.0 {
                 out.iter_mut().for_each(|miss| *miss = *miss * share);
@@ -85,7 +95,7 @@ impl FileTask {
         };
         let counted = |list: &[String]| list.iter().enumerate().map(|(k, text)| (k.to_string(), text.clone())).collect::<Vec<_>>();
         let alone = |text: &Option<String>| text.iter().map(|text| (String::new(), text.clone())).collect::<Vec<_>>();
-        let terms = match &keys.reward {
+        let summed = match &keys.reward {
             Terms::One(text) => vec![(String::new(), text.clone())],
             Terms::Sum(terms) => terms.clone().into_iter().collect(),
         };
@@ -96,7 +106,7 @@ impl FileTask {
         }
         let observe = read(Part::Other, "observation", &counted(&keys.observation), false)?;
         let act = read(Part::Act, "act", &alone(&keys.act.clone().or(usual)), false)?;
-        let reward = read(Part::Reward, "reward", &terms, true)?;
+        let reward = read(Part::Reward, "reward", &summed, true)?;
         let over = read(Part::Other, "over", &alone(&keys.over), true)?;
         let miss = read(Part::Other, "miss", &alone(&keys.miss), true)?;
         let joints = system.robot.joint_count();
@@ -121,7 +131,23 @@ impl FileTask {
             frames: keys.frames,
         };
         about.check().map_err(wrong)?;
-        Ok(Self { about, system, text: text.into(), goal, names: named, place, keys, observe, act, reward, over, miss, remembers, levels })
+        Ok(Self {
+            about,
+            system,
+            text: text.into(),
+            goal,
+            names: named,
+            terms,
+            place,
+            keys,
+            observe,
+            act,
+            reward,
+            over,
+            miss,
+            remembers,
+            levels,
+        })
     }
 }
 
@@ -237,6 +263,14 @@ impl Formulas for FileTask {
 
     fn reward<N: Number>(&self, sight: &mut impl Sight<N>, torques: &[N]) -> N {
         self.reward.run(sight, &[], torques)[0]
+    }
+
+    fn terms(&self) -> &[String] {
+        &self.terms
+    }
+
+    fn rewards<N: Number>(&self, sight: &mut impl Sight<N>, torques: &[N]) -> Vec<N> {
+        self.reward.run(sight, &[], torques)
     }
 
     fn miss<N: Number>(&self, sight: &mut impl Sight<N>) -> Option<N> {

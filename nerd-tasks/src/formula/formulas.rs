@@ -62,6 +62,16 @@ pub trait Formulas: Send + Sync {
     /// Reward for arriving here; `torques` acted in the last frame.
     fn reward<N: Number>(&self, sight: &mut impl Sight<N>, torques: &[N]) -> N;
 
+    /// As [`crate::Task::terms`].
+    fn terms(&self) -> &[String] {
+        &[]
+    }
+
+    /// The reward, and behind it its terms.
+    fn rewards<N: Number>(&self, sight: &mut impl Sight<N>, torques: &[N]) -> Vec<N> {
+        vec![self.reward(sight, torques)]
+    }
+
     /// How far this is from what is asked for, as [`crate::Task::miss`].
     fn miss<N: Number>(&self, _sight: &mut impl Sight<N>) -> Option<N> {
         None

@@ -69,6 +69,14 @@ impl<F: Formulas> Task for F {
         Formulas::reward(self, &mut Direct::new(view, work), torques)
     }
 
+    fn terms(&self) -> &[String] {
+        Formulas::terms(self)
+    }
+
+    fn rewards(&self, view: View, torques: &[f64], work: &mut Work) -> Vec<f64> {
+        Formulas::rewards(self, &mut Direct::new(view, work), torques)
+    }
+
     fn miss(&self, view: View, work: &mut Work) -> Option<f64> {
         Formulas::miss(self, &mut Direct::new(view, work))
     }

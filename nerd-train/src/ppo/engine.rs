@@ -72,6 +72,10 @@ pub trait Turns {
             taken.ended.extend(ended.into_iter().map(|ended| Ended { step: t, ..ended }));
             taken.failed += result.failed.iter().filter(|failed| **failed).count();
             ends.extend(endings(&result));
+            taken.terms.resize(episodes.task.terms().len(), 0.0);
+            for terms in result.terms.chunks_exact(taken.terms.len().max(1)) {
+                taken.terms.iter_mut().zip(terms).for_each(|(sum, x)| *sum += x);
+            }
             rewards.extend(result.rewards);
             self.arrive(&reached, &result.truncated)?;
         }

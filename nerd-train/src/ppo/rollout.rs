@@ -52,6 +52,8 @@ pub struct Taken {
     pub ended: Vec<Ended>,
     /// Episodes that the solver could not go on with, or that were broken off for a frame without slopes.
     pub failed: usize,
+    /// Sums of [`nerd_tasks::Task::terms`] over all steps; empty where they are made on a GPU.
+    pub terms: Vec<f64>,
 }
 
 /// Episodes under way.

@@ -1,6 +1,6 @@
 //! Iterations of rollout and update, and the state of a run.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 use super::*;
 
@@ -15,6 +15,9 @@ pub struct Iteration {
     pub reward: Option<f64>,
     /// Their mean length (steps).
     pub length: Option<f64>,
+    /// Means a step of what the reward is made of; empty where steps are made on a GPU.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub terms: BTreeMap<String, f64>,
     /// Episodes that ended in this iteration.
     pub episodes: usize,
     /// Episodes that the solver could not go on with.
@@ -118,6 +121,7 @@ impl Trainer {
             frames: state.iteration * config.steps() as u64,
             reward,
             length,
+            terms: episodes.task.terms().iter().cloned().zip(taken.terms.iter().map(|sum| sum / config.steps() as f64)).collect(),
             episodes: taken.ended.len(),
             failed: taken.failed,
             rate: state.adam.rate,

@@ -132,6 +132,9 @@ impl Policies {
         let real = play(home.clone())?;
         let own = nerd_tasks::named(&task)?;
         let (length, (allowed, unit)) = (own.episode_length() as f64, own.allowed());
+        let steps: f64 = real.iter().map(|game| game.length).sum();
+        let term = |(k, name): (usize, &String)| (name.clone(), real.iter().map(|game| game.terms[k]).sum::<f64>() / steps);
+        let terms = own.terms().iter().enumerate().map(term).collect();
         let fell = real.iter().filter(|game| game.length < length).count() as f64 / real.len() as f64;
         let learned = Arena::Model { folder: model.clone(), device: self.device };
         let learned = if self.alone() { None } else { Some(play(learned)?) };
@@ -148,6 +151,7 @@ impl Policies {
             model: learned.is_some().then(|| from_root(&model)),
             games: self.games,
             rewards: Compared::of(&real, learned.as_deref()),
+            terms,
             allowed: (allowed != 1.0).then(|| (allowed, unit.into())),
             task: called,
         })
@@ -176,6 +180,7 @@ impl Experiment for Policies {
         let rows = self.rows(&folders)?;
         let mut all = if self.fresh.is_empty() { Vec::new() } else { vec![tables::summary(&rows), tables::gaps(&rows)] };
         all.push(tables::each(&rows));
+        all.extend(tables::terms(&rows));
         let measured = Measured::new(&serde_json::json!({ "rows": rows }), all)?;
         Ok(match tables::curves(&folders) {
             Some(figure) => measured.with("curves", figure),

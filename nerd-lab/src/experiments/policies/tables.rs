@@ -27,6 +27,9 @@ pub struct Row {
     /// How much of the miss is allowed, and its unit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub allowed: Option<(f64, String)>,
+    /// What the reward in the truth is made of: means a step.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub terms: Vec<(String, f64)>,
 }
 
 const NOTE: &str = "Reward of a game under mean actions. Gap: (reward in NeRD - in the truth) / |reward in the truth|.";
@@ -84,6 +87,20 @@ pub fn each(rows: &[Row]) -> Table {
         table.note += " Miss: mean over games of the mean miss over a game's last half.";
     }
     table
+}
+
+/// Terms of rewards, a line each and a column by policy, if there are any.
+pub fn terms(rows: &[Row]) -> Option<Table> {
+    let rows: Vec<&Row> = rows.iter().filter(|row| !row.terms.is_empty()).collect();
+    let names: Vec<(&str, &str)> = rows.iter().flat_map(|row| row.terms.iter().map(|(name, _)| (&*row.task, &**name))).collect();
+    let names = (0..names.len()).filter(|k| !names[..*k].contains(&names[*k])).map(|k| names[k]);
+    let lines = names.map(|(task, name)| {
+        let of = |row: &&Row| row.terms.iter().find(|term| row.task == task && term.0 == name).map(|term| format!("{:.3}", term.1));
+        [task.to_string(), name.into()].into_iter().chain(rows.iter().map(|row| or_dash(of(row)))).collect()
+    });
+    let header: Vec<String> = ["task".into(), "term".into()].into_iter().chain(rows.iter().map(|row| short(&row.policy))).collect();
+    let header: Vec<&str> = header.iter().map(String::as_str).collect();
+    (!rows.is_empty()).then(|| Table::new("terms", &header).with(lines).noted("In the truth, mean of all steps."))
 }
 
 /// A miss in its task's own unit; without one, as a share of what is allowed.

@@ -21,7 +21,7 @@ impl CudaEngine {
         }
         world.passed(horizon);
         self.kept.step = horizon;
-        Ok(Taken { failed: world.end(resident)?, ended: self.ended(running)? })
+        Ok(Taken { failed: world.end(resident)?, ended: self.ended(running)?, ..Taken::default() })
     }
 
     fn step(&self, (world, resident): (&World, &dyn Resident), t: usize, noise: StreamKey) -> Result<(), DeviceError> {
