@@ -110,8 +110,8 @@ pub trait Task: Send + Sync {
         Vec::new()
     }
 
-    /// Numbers at a goal's end that are the last action and the one before it, zeros at first: none, or two of each. Whoever steps a task
-    /// writes them by [`Task::remember`].
+    /// Numbers at a goal's end that are the last action and the one before it, and maybe the steps of the episode so far; zeros at first.
+    /// Whoever steps a task writes them by [`Task::remember`].
     fn memory(&self) -> usize {
         0
     }
@@ -119,9 +119,13 @@ pub trait Task: Send + Sync {
     /// After a step: its action, clamped, becomes the last one.
     fn remember(&self, goal: &mut [f64], action: &[f64]) {
         if self.memory() > 0 {
-            let kept = goal.len() - self.memory()..;
-            goal[kept.clone()].copy_within(..action.len(), action.len());
-            goal[kept].iter_mut().zip(action).for_each(|(kept, a)| *kept = a.clamp(-1.0, 1.0));
+            let first = goal.len() - self.memory();
+            let kept = &mut goal[first..];
+            kept.copy_within(..action.len(), action.len());
+            if let Some(steps) = kept.get_mut(2 * action.len()) {
+                *steps += 1.0;
+            }
+            kept.iter_mut().zip(action).for_each(|(kept, a)| *kept = a.clamp(-1.0, 1.0));
         }
     }
 

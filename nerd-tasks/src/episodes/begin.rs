@@ -1,6 +1,6 @@
 //! How episodes begin: drawn by seed, environment and number, on the ground of their level, or under way.
 
-use nerd_sim::prelude::*;
+use nerd_sim::{prelude::*, range::within};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
@@ -52,6 +52,28 @@ impl Episodes {
     /// As [`Self::begin_at`].
     pub fn begin(&mut self, env: usize) -> Result<(), StepError> {
         self.begin_numbered(&[(env, self.begun[env] + 1)])
+    }
+
+    /// Asks the present episode of an environment for commands of its task by name, such as `ahead=0.5,turn=0`.
+    ///
+    /// # Errors
+    /// If there is no such command, or its number is outside of its range.
+    pub fn ask(&mut self, env: usize, commands: &str) -> Result<(), String> {
+        let (all, width) = (self.task.commands(), self.task.goal_dim());
+        for part in commands.split(',') {
+            let Some((name, number)) = part.split_once('=') else { return Err(format!("`{part}` is no NAME=NUMBER")) };
+            let (name, number) = (name.trim(), number.trim());
+            let Some(k) = all.iter().position(|own| own.0 == name) else {
+                let own: Vec<&str> = all.iter().map(|own| &*own.0).collect();
+                let own = if own.is_empty() { "it has none".into() } else { format!("choose from {}", own.join(", ")) };
+                return Err(format!("task `{}` has no command `{name}`: {own}", self.task.name()));
+            };
+            let value = number.parse().map_err(|_| format!("`{name}` is `{number}`; a number is needed"))?;
+            within(name, value, all[k].1[0]..=all[k].1[1], "")?;
+            self.goals[env * width + k] = value;
+        }
+        self.observe(|other| other == env);
+        Ok(())
     }
 
     /// Numbers of the present episodes by environment, of which the first is 1.

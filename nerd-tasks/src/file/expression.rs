@@ -196,6 +196,7 @@ impl<'a> Reader<'a> {
             }
             ("action", _) | ("last_action", Part::Act) => Ok(Value { numbers: memory(0), of: of_joints }),
             ("last_action", _) => Ok(Value { numbers: memory(1), of: of_joints }),
+            ("time", _) => Ok(plain(vec![goal(self.memory + 2 * self.actions) * self.facts.step.into()])),
             ("torque", Part::Reward) => {
                 let torques = (0..self.facts.system.robot.joint_count()).map(|k| self.tape.leaf(Leaf::Torque(k), f64::NAN));
                 Ok(Value { numbers: torques.collect(), of: Of::Joints })

@@ -17,11 +17,12 @@ impl<'a> Reader<'a> {
             return self.scan(args);
         }
         let needed = match name {
-            "exp" | "sqrt" | "abs" | "squared" | "wrap" | "sum" | "mean" | "norm" | "max_of" | "min_of" | "controlled" | "len" => 1,
+            "exp" | "sin" | "cos" | "sqrt" | "abs" | "squared" | "wrap" | "sum" | "mean" | "norm" | "max_of" | "min_of" | "controlled"
+            | "len" => 1,
             "max" | "min" | "dot" | "cross" => 2,
             "clamp" | "select" => 3,
             _ => {
-                let known = "exp, sqrt, abs, squared, wrap, sum, mean, norm, max_of, min_of, len, controlled, max, min, dot, cross, clamp, \
+                let known = "exp, sin, cos, sqrt, abs, squared, wrap, sum, mean, norm, max_of, min_of, len, controlled, max, min, dot, cross, clamp, \
                              select, place, axis, scan";
                 return Err(no_place(format!("no function `{name}`: choose from {known}")));
             }
@@ -40,6 +41,8 @@ impl<'a> Reader<'a> {
         let one = |x: Traced<'a>| plain(vec![x]);
         Ok(match name {
             "exp" => each(first(), Number::exp),
+            "sin" => each(first(), Number::sin),
+            "cos" => each(first(), Number::cos),
             "sqrt" => each(first(), Number::sqrt),
             "abs" => each(first(), Number::abs),
             "squared" => each(first(), Number::squared),

@@ -31,7 +31,7 @@ pub struct FileTask {
     reward: Program,
     over: Program,
     miss: Program,
-    remembers: bool,
+    memory: usize,
     levels: Option<(usize, usize)>,
 }
 
@@ -116,7 +116,15 @@ impl FileTask {
         if reward.len() == 0 {
             return Err(wrong("reward: it has no term".into()));
         }
-        let remembers = [&observe, &act, &reward, &over, &miss].iter().any(|part| part.goals() > goal.len());
+        let read = [&observe, &act, &reward, &over, &miss].map(Program::goals);
+        let last = read.into_iter().max().unwrap_or(0).saturating_sub(goal.len());
+        let memory = if last > 2 * actions {
+            last
+        } else if last > 0 {
+            2 * actions
+        } else {
+            0
+        };
         let named = commands
             .iter()
             .flat_map(|(name, at)| at.clone().map(move |k| if at.len() > 1 { format!("{name}[{}]", k - at.start) } else { name.clone() }));
@@ -145,7 +153,7 @@ impl FileTask {
             reward,
             over,
             miss,
-            remembers,
+            memory,
             levels,
         })
     }
@@ -189,7 +197,7 @@ fn names(facts: &Facts, keys: &Keys, commands: &[(String, Range<usize>)]) -> Res
         if syn::parse_str::<syn::Ident>(name).is_err() {
             return Err(format!("{said}: a name has letters, digits and `_`, and no digit first"));
         }
-        if ["action", "last_action", "torque"].contains(&name.as_str()) || facts.word(&Tape::default(), name).is_some() {
+        if ["action", "last_action", "time", "torque"].contains(&name.as_str()) || facts.word(&Tape::default(), name).is_some() {
             return Err(format!("{said}: there is a word `{name}`; choose another name"));
         }
         if table == "let" && keys.command.contains_key(name) {
@@ -245,8 +253,8 @@ impl Formulas for FileTask {
         self.levels
     }
 
-    fn remembers(&self) -> bool {
-        self.remembers
+    fn memory(&self) -> usize {
+        self.memory
     }
 
     fn allowed(&self) -> (f64, &str) {

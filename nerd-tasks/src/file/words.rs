@@ -26,7 +26,7 @@ pub(super) struct Facts {
     pub feet: Vec<usize>,
     pub body: Vec<usize>,
     /// Time of a step (s).
-    step: f64,
+    pub step: f64,
     /// Where the longest chain of links ends: the link, and the place in its axes. Where that is, and where the chain begins (m); its length.
     tool: (usize, [f64; 3]),
     ends: [Vector3<f64>; 2],
@@ -189,7 +189,7 @@ impl Facts {
 
     /// Words that there are, beside those of parts of a file.
     pub const WORDS: &str = "q, qd, rest, low, high, kp, kd, gain, most, position, quaternion, twist, height, ground, up, forward, velocity, spin, \
-                             world_velocity, world_spin, gap, radius, feet, body, mass, weight, size, standing, step, tool, rest_tool, \
+                             world_velocity, world_spin, gap, radius, feet, body, mass, weight, size, standing, step, time, tool, rest_tool, \
                              shoulder, reach, pi, deg, action, last_action, torque";
 
     /// Where a link or a frame on one is: the link, and the place in its axes.

@@ -43,9 +43,9 @@ pub trait Formulas: Send + Sync {
         Vec::new()
     }
 
-    /// Whether the last two actions are numbers of the goal, behind those that are drawn: see [`crate::Task::memory`].
-    fn remembers(&self) -> bool {
-        false
+    /// As [`crate::Task::memory`], behind what is drawn of the goal.
+    fn memory(&self) -> usize {
+        0
     }
 
     /// As [`crate::Task::levels`].

@@ -20,6 +20,16 @@ pub trait Number:
         self.made(Function::Exp, 0.0.into())
     }
 
+    /// Sine of an angle (rad).
+    fn sin(self) -> Self {
+        self.made(Function::Sin, 0.0.into())
+    }
+
+    /// Its cosine.
+    fn cos(self) -> Self {
+        self.made(Function::Cos, 0.0.into())
+    }
+
     /// Without its sign.
     fn abs(self) -> Self {
         self.made(Function::Abs, 0.0.into())
@@ -67,6 +77,8 @@ impl Number for f64 {
             Function::Neg => -self,
             Function::Sqrt => f64::sqrt(self),
             Function::Exp => f64::exp(self),
+            Function::Sin => f64::sin(self),
+            Function::Cos => f64::cos(self),
             Function::Abs => f64::abs(self),
             Function::Max => f64::max(self, other),
             Function::Min => f64::min(self, other),
@@ -87,6 +99,8 @@ pub enum Function {
     Neg,
     Sqrt,
     Exp,
+    Sin,
+    Cos,
     Abs,
     Max,
     Min,
@@ -110,6 +124,8 @@ impl Function {
             Self::Neg => [Some(-one), None],
             Self::Sqrt => [Some((N::from(0.5) / y).min(N::from(STEEPEST))), None],
             Self::Exp => [Some(y), None],
+            Self::Sin => [Some(a.cos()), None],
+            Self::Cos => [Some(-a.sin()), None],
             Self::Abs => [Some(one - N::from(2.0) * a.below(N::from(0.0))), None],
             Self::Max => [Some(one - a.below(b)), Some(a.below(b))],
             Self::Min => [Some(one - b.below(a)), Some(b.below(a))],

@@ -72,9 +72,10 @@ FN Seen seen(const World& w, int env, Work& work, bool asks) {
 // Where a frame is kept, if it is: state and goal before it, torques in it.
 struct Past { double *states, *torques, *goals; };
 
-// After a step: its action becomes the last one, behind what was drawn of the goal.
+// After a step: its action becomes the last one, behind what was drawn of the goal, and its number is counted, if that is kept.
 FN void remember(double* goal, const float* action) {
     double* kept = goal + GOALS - MEMORY;
+    if (MEMORY % 2) kept[MEMORY - 1] += 1;
     for (int k = 0; k < MEMORY / 2; k++) {
         kept[MEMORY / 2 + k] = kept[k];
         kept[k] = fmin(fmax((double)action[k], -1.0), 1.0);

@@ -33,7 +33,7 @@ impl<F: Formulas> Task for F {
     }
 
     fn goal_dim(&self) -> usize {
-        self.goal().len() + self.memory()
+        self.goal().len() + Formulas::memory(self)
     }
 
     fn commands(&self) -> Vec<(String, [f64; 2])> {
@@ -41,7 +41,7 @@ impl<F: Formulas> Task for F {
     }
 
     fn memory(&self) -> usize {
-        if self.remembers() { 2 * Formulas::about(self).action } else { 0 }
+        Formulas::memory(self)
     }
 
     fn levels(&self) -> Option<(usize, usize)> {
@@ -106,7 +106,7 @@ impl<F: Formulas> Task for F {
 fn program(task: &impl Formulas, system: &System, reach: Reach, slopes: bool) -> Result<String, String> {
     let (about, mut text) = (Formulas::about(task), episode(system, reach)?);
     let (level, levels) = Formulas::levels(task).unwrap_or_default();
-    let goals = [("GOALS", task.goal_dim()), ("MEMORY", task.memory()), ("LEVEL_AT", level), ("LEVELS", levels)];
+    let goals = [("GOALS", task.goal_dim()), ("MEMORY", Formulas::memory(task)), ("LEVEL_AT", level), ("LEVELS", levels)];
     let sizes = [("SEEN", about.observation), ("ACTIONS", about.action), ("STEP_FRAMES", about.frames as usize)];
     for (name, n) in sizes.into_iter().chain(goals) {
         let _ = writeln!(text, "#define {name} {n}");

@@ -31,6 +31,8 @@ impl Function {
             Self::Neg => ["-(", "", ")"],
             Self::Sqrt => ["sqrt(", "", ")"],
             Self::Exp => ["exp(", "", ")"],
+            Self::Sin => ["sin(", "", ")"],
+            Self::Cos => ["cos(", "", ")"],
             Self::Abs => ["fabs(", "", ")"],
             Self::Max => ["fmax(", ", ", ")"],
             Self::Min => ["fmin(", ", ", ")"],

@@ -3,7 +3,7 @@
 use nerd_sim::{prelude::*, system::Source};
 use nerd_tasks::{View, Work, fast_start, named, names};
 
-use crate::{actions, episodes, solver};
+use crate::{GAIT, actions, episodes, solver};
 
 #[test]
 fn every_task_resets_and_steps_on_every_solver() {
@@ -15,6 +15,23 @@ fn every_task_resets_and_steps_on_every_solver() {
             let numbers = result.rewards.iter().chain(&result.reached).chain(episodes.observations());
             assert!(numbers.into_iter().all(|x| x.is_finite()), "{which}, {name}: step {step}");
             assert_eq!(result.failed, [false; 4], "{which}, {name}: failed at step {step}");
+        }
+    }
+}
+
+/// Terms make the reward up, and a clock tells the time of the episode.
+#[test]
+fn a_file_has_terms_and_a_clock() {
+    let mut episodes = episodes(GAIT, "articulated", 3);
+    assert_eq!(episodes.task.terms(), ["alive", "load", "rhythm"]);
+    let (width, still) = (episodes.task.observation_dim(), vec![0.0; 3 * episodes.task.action_dim()]);
+    for k in 1..=40 {
+        let result = episodes.step(&still).expect("finite physics");
+        for (env, (seen, terms)) in result.reached.chunks(width).zip(result.terms.chunks(3)).enumerate() {
+            let time = 0.02 * f64::from((k - 1) % 36 + 1);
+            let sum: f64 = terms.iter().sum();
+            assert!((sum - result.rewards[env]).abs() < 1e-12 && terms[0] == 0.02, "step {k}: {terms:?}");
+            assert!((seen[5] - time).abs() < 1e-12 && result.terminated[env] == (k == 36), "step {k}: {} s", seen[5]);
         }
     }
 }

@@ -14,9 +14,12 @@ use nerd_sim::articulated::device::{Reach, records};
 use nerd_sim::{prelude::*, system::Source};
 use nerd_tasks::{Episodes, named, names};
 
-/// Built-in tasks, and two of those for any robot, one of which remembers its actions.
+/// With a clock and a reward of several terms.
+const GAIT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/tasks/gait.toml@anymal");
+
+/// Built-in tasks, two of those for any robot, one of which remembers its actions, and one of the tests' own.
 fn every() -> Vec<&'static str> {
-    names().into_iter().chain(["walk@anymal", "reach@franka"]).collect()
+    names().into_iter().chain(["walk@anymal", "reach@franka", GAIT]).collect()
 }
 
 fn solver(which: &str, system: &System) -> Box<dyn Solver> {

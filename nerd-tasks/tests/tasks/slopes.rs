@@ -168,5 +168,5 @@ fn slopes_of_every_task_are_those_of_differences_and_of_kernels() {
         println!("{name}: kernels {off:.1e} off");
         assert!(off < 1e-12, "{name}: kernels {off:.1e} off");
     }
-    assert_eq!(count, 12, "tasks with slopes");
+    assert_eq!(count, 13, "tasks with slopes");
 }

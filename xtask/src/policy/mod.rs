@@ -89,6 +89,9 @@ pub struct ShowArgs {
     /// Seed of the start
     #[arg(long, default_value_t = 0, value_parser = value::<u64>(Whole(SEEDS)))]
     pub seed: u64,
+    /// What it is asked for, in place of what the seed draws: commands of the task, such as ahead=0.5,turn=0
+    #[arg(long, value_name = "NAME=NUMBER,...", allow_hyphen_values = true)]
+    pub command: Option<String>,
     /// HTML file to write
     #[arg(long, value_name = "FILE")]
     pub out: PathBuf,
@@ -138,8 +141,14 @@ fn show(args: ShowArgs) -> Result<()> {
     let (config, policy) = folder::load(&args.policy)?;
     let task = config.task;
     let arena = args.arena.of(&task)?;
-    let title = format!("{task} on {}", arena.title()?);
-    let (page, reward) = replay::episode(&policy, &mut arena.episodes(&task, 1, args.seed)?, &title)?;
+    let (mut title, mut episodes) = (format!("{task} on {}", arena.title()?), arena.episodes(&task, 1, args.seed)?);
+    if let Some(command) = &args.command {
+        if let Err(said) = episodes.ask(0, command) {
+            bail!("--command: {said}");
+        }
+        title = format!("{title}, {command}");
+    }
+    let (page, reward) = replay::episode(&policy, &mut episodes, &title)?;
     say!("{title}: {} steps, reward {reward:.1}", page.frames());
     out::replay(&args.out, &page)
 }
