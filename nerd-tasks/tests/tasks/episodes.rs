@@ -37,6 +37,29 @@ fn a_file_has_terms_and_a_clock() {
 }
 
 #[test]
+fn an_episode_is_asked_for_what_its_user_names() {
+    let mut episodes = episodes("walk@anymal", "articulated", 2);
+    let width = episodes.task.observation_dim();
+    let before = episodes.observations().to_vec();
+    episodes.ask(1, "turn=0.25, ahead=-0.5").expect("commands of walk");
+    let seen = episodes.observations();
+    assert!(seen[..width] == before[..width], "the other episode");
+    let asked = [-0.5, before[width + 10], 0.25];
+    assert_eq!(seen[width + 9..width + 12], asked);
+    let cases = [
+        ("ahed=1", "has no command `ahed`: choose from ahead, aside, turn"),
+        ("ahead=3", "ahead is 3; a number from -1 to 1 is needed"),
+        ("ahead=fast", "`ahead` is `fast`; a number is needed"),
+        ("ahead", "`ahead` is no NAME=NUMBER"),
+    ];
+    for (text, expected) in cases {
+        let said = episodes.ask(1, text).expect_err("refused");
+        assert!(said.contains(expected), "{text}: {said}");
+    }
+    assert_eq!(episodes.observations()[width + 9..width + 12], asked);
+}
+
+#[test]
 fn no_episode_outlives_its_length_and_an_ended_one_begins_anew() {
     let (mut episodes, mut steps, mut truncated) = (episodes("franka-reach", "articulated", 3), 0, 0);
     let first: Vec<f64> = episodes.observations().to_vec();
