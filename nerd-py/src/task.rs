@@ -13,8 +13,8 @@ use crate::solver::Choice;
 use crate::system::{Named, System};
 use crate::threads;
 
-/// Rewards, terminated, truncated, observations reached, misses, faults.
-type Stepped<'py> = (Floats<'py>, Bools<'py>, Bools<'py>, Floats<'py>, Floats<'py>, Bools<'py>);
+/// Rewards, terminated, truncated, observations reached, misses, faults, terms.
+type Stepped<'py> = (Floats<'py>, Bools<'py>, Bools<'py>, Floats<'py>, Floats<'py>, Bools<'py>, Floats<'py>);
 type Bools<'py> = Bound<'py, PyArrayDyn<bool>>;
 
 /// Episodes of a task in n environments, below nerd.make_vec and gymnasium.make.
@@ -35,6 +35,7 @@ pub struct Task {
 pub struct Read {
     pub about: nerd_tasks::About,
     pub name: String,
+    pub terms: Vec<String>,
     pub system: System,
     pub family: Option<String>,
 }
@@ -64,11 +65,11 @@ pub fn read(
     let family = family.map(|family| family.source());
     let arena = Choice::new(solver, device)?.arena(&name, task.robot(), family.as_deref())?;
     threads::here(n)?;
-    let about = task.about();
+    let (about, terms) = (task.about(), task.terms().to_vec());
     let mut episodes = arena.begin(task, n, seeded(seed)?).map_err(value)?;
     // Nobody goes on with these from a file.
     episodes.remember(0);
-    Ok((Read { about, name, system, family }, episodes))
+    Ok((Read { about, name, terms, system, family }, episodes))
 }
 
 impl Task {
@@ -93,20 +94,21 @@ impl Task {
 
     /// step(actions): float64 [n, action], clamped to [-1, 1]. Rewards [n], terminated [n], truncated [n], observations [n,
     /// observation] of the states reached, and [n] by how much each missed what is asked for, in units of what may be missed (NaN
-    /// of a task that does not speak of success), and [n] whether the solver could not go on. Ended episodes have restarted:
+    /// of a task that does not speak of success), [n] whether the solver could not go on, and [n, terms] what rewards are made of. Ended episodes have restarted:
     /// observations() are those of the new ones.
     fn step<'py>(&self, py: Python<'py>, actions: &Bound<'py, PyAny>) -> PyResult<Stepped<'py>> {
         let actions = numbers::<f64>("actions", actions, &[&[self.n, self.read.about.action]])?;
         if let Some(at) = actions.iter().position(|x| x.is_nan()) {
             return Err(value(format!("actions: environment {} has NaN; each is from -1 to 1", at / self.read.about.action)));
         }
-        let StepResult { rewards, terminated, truncated, reached, misses, failed, .. } =
+        let StepResult { rewards, terminated, truncated, reached, misses, failed, terms, .. } =
             self.with(py, |all| all.step(&actions))?.map_err(step)?;
         let misses = misses.into_iter().map(|miss| miss.unwrap_or(f64::NAN)).collect();
         let n = &[self.n];
         let reached = made(py, reached, &[self.n, self.read.about.observation])?;
         let [terminated, truncated, failed] = [made(py, terminated, n)?, made(py, truncated, n)?, made(py, failed, n)?];
-        Ok((made(py, rewards, n)?, terminated, truncated, reached, made(py, misses, n)?, failed))
+        let terms = made(py, terms, &[self.n, self.read.terms.len()])?;
+        Ok((made(py, rewards, n)?, terminated, truncated, reached, made(py, misses, n)?, failed, terms))
     }
 
     /// Observations of the present states, float64 [n, observation].
@@ -153,6 +155,12 @@ impl Task {
     #[getter]
     fn name(&self) -> &str {
         &self.read.name
+    }
+
+    /// Names of what its reward is made of.
+    #[getter]
+    fn terms(&self) -> Vec<String> {
+        self.read.terms.clone()
     }
 
     /// The robot.

@@ -215,6 +215,19 @@ def test_environments_of_a_family_differ():
     assert (one.step(action)[0] != two.step(action)[0]).any(axis=1).all()
 
 
+def test_terms_add_up_to_the_reward(root, tmp_path):
+    text = (root / "nerd-tasks/assets/cartpole-swingup.toml").read_text(encoding="utf-8")
+    lines = [line for line in text.splitlines() if not line.startswith("reward =")]
+    terms = ["[reward]", 'upright = "5 - angle.squared()"', 'slow = "-qd[1].squared()"']
+    (tmp_path / "mine.toml").write_text("\n".join([*lines, *terms]), encoding="utf-8")
+    env, one = nerd.make_vec(tmp_path / "mine.toml", n=3), gymnasium.make("nerd/CartpoleSwingup-v0", task=tmp_path / "mine.toml").unwrapped
+    one.reset(seed=3)
+    for _, reward, *_, infos in rolled(env, 5)[1:]:
+        assert set(infos["terms"]) == {"upright", "slow"} and np.allclose(sum(infos["terms"].values()), reward, atol=1e-12)
+    _, reward, *_, info = one.step(np.zeros(env.task.action))
+    assert sum(info["terms"].values()) == pytest.approx(reward) and "terms" not in rolled(nerd.make_vec("ant-run"), 1)[1][4]
+
+
 def test_gymnasiums_own_vector_takes_them():
     env = SyncVectorEnv([lambda: gymnasium.make("nerd/CartpoleSwingup-v0")] * 2)
     assert np.isfinite(rolled(env, 5)[-1][0]).all()

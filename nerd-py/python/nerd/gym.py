@@ -88,15 +88,15 @@ class TaskVectorEnv(_Tasks, VectorEnv):
 
     Observations are float64 [n, observation], actions float64 [n, action] from -1 to 1 (beyond they are clamped). `reset(seed=)` takes
     one whole number: environment i then goes through the episodes that it has on the command line by `--seed`. In infos `miss` has
-    by how much a step missed what the task asks for, of tasks that say so, and `fault` is true where the solver could not go on: the
-    episode ended, with reward 0.
+    by how much a step missed what the task asks for, of tasks that say so, `terms` by name what the rewards are made of, and `fault` is
+    true where the solver could not go on: the episode ended, with reward 0.
     """
 
     def __init__(self, num_envs=1, *, task, robot=None, solver="articulated", autoreset_mode=AutoresetMode.NEXT_STEP, family=None):
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"autoreset_mode": self.autoreset_mode, "render_modes": []}
         self._task = Task(task, robot, num_envs, solver, family=family)
-        self.num_envs = num_envs
+        self._names, self.num_envs = self._task.terms, num_envs
         self.single_observation_space, self.single_action_space = _spaces(self._task)
         self.observation_space, self.action_space = (
             batch_space(space, num_envs) for space in (self.single_observation_space, self.single_action_space)
@@ -130,16 +130,19 @@ class TaskVectorEnv(_Tasks, VectorEnv):
         numbers = self._task.numbers
         if held.any() and actions.shape == (self.num_envs, self._task.action):
             actions[held] = 0.0
-        rewards, terminated, truncated, observations, misses, faults = self._task.step(actions)
+        rewards, terminated, truncated, observations, misses, faults, terms = self._task.step(actions)
         if held.any():
             # All are stepped together; those that only begin in this step begin again.
             self._task.begin(held, numbers)
             observations[held] = self._task.observations()[held]
             rewards[held], terminated[held], truncated[held], misses[held], faults[held] = 0.0, False, False, np.nan, False
+            terms[held] = 0.0
         ended = terminated | truncated
         infos = {}
         if np.isfinite(misses).any():
             infos["miss"], infos["_miss"] = misses, np.isfinite(misses)
+        if self._names:
+            infos["terms"] = dict(zip(self._names, terms.T))
         if faults.any():
             infos["fault"] = infos["_fault"] = faults
         self._fresh, self._ended = ended.copy(), ended
@@ -165,6 +168,7 @@ class TaskEnv(_Tasks, gymnasium.Env):
             raise TypeError(_RENDER)
         self.render_mode = None
         self._task = Task(task, robot, 1, solver, device, family=family)
+        self._names = self._task.terms
         self.observation_space, self.action_space = _spaces(self._task)
         self._began = False
         self._fresh = np.zeros(1, bool)
@@ -177,10 +181,11 @@ class TaskEnv(_Tasks, gymnasium.Env):
     def step(self, action):
         if not self._began or self._fresh[0]:
             raise gymnasium.error.ResetNeeded("the episode ended, or none began: reset() comes before the next step")
-        rewards, terminated, truncated, observations, misses, faults = self._task.step(np.array(action, np.float64)[None])
+        rewards, terminated, truncated, observations, misses, faults, terms = self._task.step(np.array(action, np.float64)[None])
         self._fresh[:] = terminated | truncated
         info = {"miss": float(misses[0])} if np.isfinite(misses[0]) else {}
         info.update({"fault": True} if faults[0] else {})
+        info.update({"terms": dict(zip(self._names, terms[0].tolist()))} if self._names else {})
         return observations[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), info
 
 
