@@ -100,23 +100,9 @@ impl Facts {
         let specs = |what: &dyn Fn(&nerd_sim::system::JointSpec) -> f64| list(system.joint_specs().map(what).collect(), Of::Joints);
         let numbers = |points: &[usize]| list(points.iter().map(|k| *k as f64).collect(), Of::Numbers);
         let root = |k: std::ops::Range<usize>| (k.map(|k| state(tape, k)).collect::<Vec<_>>(), Of::Numbers);
+        let end = |upper: bool, [low, high]: [f64; 2]| if upper { high } else { low };
         let limit = |upper: bool| {
-            move |joint: &nerd_sim::nerd_core::robot::Joint| match joint.limit {
-                Some(limit) => {
-                    if upper {
-                        limit.upper
-                    } else {
-                        limit.lower
-                    }
-                }
-                None => {
-                    if upper {
-                        1e3
-                    } else {
-                        -1e3
-                    }
-                }
-            }
+            move |joint: &nerd_sim::nerd_core::robot::Joint| end(upper, joint.limit.map_or([-1e3, 1e3], |limit| [limit.lower, limit.upper]))
         };
         let found = match name {
             "q" => ((coords..nq).map(|k| state(tape, k)).collect(), Of::Joints),
