@@ -11,7 +11,8 @@ FN double place(const Seen& s, int link, double x, double y, double z, int k) {
     const V3 p = t.position[link] + t.rotation[link] * v3(x, y, z);
     return (k == 0 ? p.x : k == 1 ? p.y : p.z) + stands(*s.work, k);
 }
-FN double gap(const Seen& s, int point) { return nearest(*s.work, point); }
+// Called and not written out for every point of a robot that a task names: a G1 has 72, which took a minute to compile.
+BIG double gap(const Seen& s, int point) { return nearest(*s.work, point); }
 
 // Height of ground that is not flat, so far ahead of the root and to its left, as it heads.
 BIG double ground(const Seen& s, double ahead, double aside) {
