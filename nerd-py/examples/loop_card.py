@@ -4,6 +4,7 @@
     python loop_card.py target/release/examples/steps [--short]
 """
 
+import itertools
 import statistics
 import subprocess
 import sys
@@ -45,6 +46,9 @@ def measure(n, solver):
     learner = Learner(env)
     agent, seen, fixed = learner.agent, learner.seen, torch.zeros_like(learner.actions[0])
     noise, actions = torch.randn_like(fixed), torch.zeros_like(fixed)
+    # Ants that are driven cost more to step than those that rest: what a policy leaves of stepping is seen under actions like its own.
+    drawn = torch.randn(times, *fixed.shape, device="cuda") * agent.log_std.exp().detach()
+    turn = itertools.cycle(drawn)
 
     @torch.no_grad()
     def policy(act=agent.act):
@@ -64,7 +68,8 @@ def measure(n, solver):
     replayed = lambda: (noise.normal_(), graph())
     and_step = lambda work: lambda: (work(), env.step(actions))
     rows = {
-        "env.step, fixed actions": lambda: env.step(fixed),
+        "env.step, no actions": lambda: env.step(fixed),
+        "env.step, drawn actions": lambda: env.step(next(turn)),
         "policy alone, kernel by kernel": policy,
         "policy alone, a graph": replayed,
         "env.step and torch.distributions": and_step(usual),
@@ -93,11 +98,11 @@ def measure(n, solver):
     rust.stdin.close()
     # The first round warms up.
     middle = lambda seconds: statistics.median(seconds[1:])
-    steps = {**({"Rust, fixed actions": own} if own else {}), **found}
-    base = middle(own or found["env.step, fixed actions"])
+    steps = {**({"Rust, no actions": own} if own else {}), **found}
+    base = middle(found["env.step, drawn actions"])
     print(f"{n} Ants, {solver}, {rounds} rounds by turns of {times}; {env.failed()} episodes failed", flush=True)
     for name, took in steps.items():
-        share = "" if "alone" in name else f"{n / middle(took):11.0f} steps/s {100 * base / middle(took):6.1f} % of own stepping"
+        share = "" if "alone" in name else f"{n / middle(took):11.0f} steps/s {100 * base / middle(took):6.1f} % of stepping under drawn actions"
         print(f"  {name:38} {1e3 * middle(took):7.3f} ms ({1e3 * min(took[1:]):.3f} to {1e3 * max(took[1:]):.3f}) {share}", flush=True)
     step = and_step(replayed)
     copies("50 steps with a graph", lambda: [step() for _ in range(50)])
