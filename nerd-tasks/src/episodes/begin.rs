@@ -57,9 +57,10 @@ impl Episodes {
     /// Asks the present episode of an environment for commands of its task by name, such as `ahead=0.5,turn=0`.
     ///
     /// # Errors
-    /// If there is no such command, or its number is outside of its range.
+    /// If there is no such command, it is there twice, or its number is outside of its range; then nothing changed.
     pub fn ask(&mut self, env: usize, commands: &str) -> Result<(), String> {
         let (all, width) = (self.task.commands(), self.task.goal_dim());
+        let mut asked: Vec<(usize, f64)> = Vec::new();
         for part in commands.split(',') {
             let Some((name, number)) = part.split_once('=') else { return Err(format!("`{part}` is no NAME=NUMBER")) };
             let (name, number) = (name.trim(), number.trim());
@@ -70,8 +71,12 @@ impl Episodes {
             };
             let value = number.parse().map_err(|_| format!("`{name}` is `{number}`; a number is needed"))?;
             within(name, value, all[k].1[0]..=all[k].1[1], "")?;
-            self.goals[env * width + k] = value;
+            if asked.iter().any(|own| own.0 == k) {
+                return Err(format!("`{name}` is there twice"));
+            }
+            asked.push((k, value));
         }
+        asked.into_iter().for_each(|(k, value)| self.goals[env * width + k] = value);
         self.observe(|other| other == env);
         Ok(())
     }

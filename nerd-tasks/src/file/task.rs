@@ -192,10 +192,15 @@ fn levels(keys: &Keys) -> Result<(), String> {
 /// Refuses names that mean something else, or nothing that can be written.
 fn names(facts: &Facts, keys: &Keys, commands: &[(String, Range<usize>)]) -> Result<(), String> {
     let all = commands.iter().map(|c| (&c.0, "command")).chain(keys.lets.keys().map(|name| (name, "let")));
-    for (name, table) in all {
-        let said = format!("{table}.{name}");
+    let terms = if let Terms::Sum(terms) = &keys.reward { Some(terms.keys()) } else { None };
+    for (name, table) in all.chain(terms.into_iter().flatten().map(|name| (name, "reward"))) {
+        let said = format!("{table}.{}", name.escape_debug());
         if syn::parse_str::<syn::Ident>(name).is_err() {
             return Err(format!("{said}: a name has letters, digits and `_`, and no digit first"));
+        }
+        // A term has a name for tables alone.
+        if table == "reward" {
+            continue;
         }
         if ["action", "last_action", "time", "torque"].contains(&name.as_str()) || facts.word(&Tape::default(), name).is_some() {
             return Err(format!("{said}: there is a word `{name}`; choose another name"));

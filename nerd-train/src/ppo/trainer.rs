@@ -121,7 +121,10 @@ impl Trainer {
             frames: state.iteration * config.steps() as u64,
             reward,
             length,
-            terms: episodes.task.terms().iter().cloned().zip(taken.terms.iter().map(|sum| sum / config.steps() as f64)).collect(),
+            // A name that is no number under a reward that is one has no mean.
+            terms: (episodes.task.terms().iter().cloned().zip(taken.terms.iter().map(|sum| sum / config.steps() as f64)))
+                .filter(|(_, mean)| mean.is_finite())
+                .collect(),
             episodes: taken.ended.len(),
             failed: taken.failed,
             rate: state.adam.rate,

@@ -134,7 +134,7 @@ impl Policies {
         let (length, (allowed, unit)) = (own.episode_length() as f64, own.allowed());
         let steps: f64 = real.iter().map(|game| game.length).sum();
         let term = |(k, name): (usize, &String)| (name.clone(), real.iter().map(|game| game.terms[k]).sum::<f64>() / steps);
-        let terms = own.terms().iter().enumerate().map(term).collect();
+        let terms = own.terms().iter().enumerate().map(term).filter(|(_, mean)| mean.is_finite()).collect();
         let fell = real.iter().filter(|game| game.length < length).count() as f64 / real.len() as f64;
         let learned = Arena::Model { folder: model.clone(), device: self.device };
         let learned = if self.alone() { None } else { Some(play(learned)?) };
