@@ -35,7 +35,11 @@ impl<K> Replay<K> {
 impl<K: PartialEq> Replay<K> {
     /// Does `work`, which is the same as long as `key` is; `what` names it in an error.
     pub fn run<E: From<DeviceError>>(
-        &self, device: &Device, what: &'static str, key: K, work: impl Fn() -> Result<(), E>,
+        &self,
+        device: &Device,
+        what: &'static str,
+        key: K,
+        work: impl Fn() -> Result<(), E>,
     ) -> Result<(), E> {
         if device.captures()? {
             return work();

@@ -29,7 +29,14 @@ impl Device {
     /// Column-major `c = op(a) op(b) + beta c` with `c` of `m x n` and inner size `k`; leading dimensions `ld`.
     #[allow(clippy::too_many_arguments)]
     pub fn product(
-        &self, lane: Lane, ops: (Op, Op), (m, n, k): (usize, usize, usize), a: (u64, usize), b: (u64, usize), beta: f32, c: (u64, usize),
+        &self,
+        lane: Lane,
+        ops: (Op, Op),
+        (m, n, k): (usize, usize, usize),
+        a: (u64, usize),
+        b: (u64, usize),
+        beta: f32,
+        c: (u64, usize),
     ) -> Result<(), DeviceError> {
         let (alpha, f32_type) = (1.0f32, blas::cudaDataType::CUDA_R_32F);
         unsafe {
@@ -60,7 +67,12 @@ impl Device {
 
     /// Column-major products of a batch; each operand is (address, leading dimension, distance to the next).
     pub fn products(
-        &self, lane: Lane, batch: Batch, a: (u64, usize, usize), b: (u64, usize, usize), c: (u64, usize, usize),
+        &self,
+        lane: Lane,
+        batch: Batch,
+        a: (u64, usize, usize),
+        b: (u64, usize, usize),
+        c: (u64, usize, usize),
     ) -> Result<(), DeviceError> {
         let (alpha, beta, f32_type) = (1.0f32, 0.0f32, blas::cudaDataType::CUDA_R_32F);
         let (m, n, k) = batch.size;

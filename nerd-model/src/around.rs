@@ -40,7 +40,12 @@ impl Around {
 
     /// Adds to `slope`, by the state, what comes of gradients by its normalised token; those by the token's own numbers.
     pub fn token_back(
-        &self, state: &[f64], (contacts, gravity): (&[ContactEvent], Vector3<f64>), by_token: &[f32], data: &mut Data, slope: &mut [f64],
+        &self,
+        state: &[f64],
+        (contacts, gravity): (&[ContactEvent], Vector3<f64>),
+        by_token: &[f32],
+        data: &mut Data,
+        slope: &mut [f64],
     ) -> Vec<f64> {
         let by: Vec<f64> = by_token.iter().zip(self.normalizer.inputs.scale()).map(|(g, scale)| f64::from(*g) / scale).collect();
         let seen = Seen { state, contacts, gravity, view: self.form.view, frame_time: self.system.frame_time };

@@ -66,7 +66,11 @@ impl Frame {
 
     /// Slopes of the frame of `count` environments from `first` on, by a `network` that sees one token.
     pub fn back(
-        &mut self, (batch, torques): (&Batch, &[f64]), network: &Loaded, (first, count): (usize, usize), (rows, by_next): (usize, &[f64]),
+        &mut self,
+        (batch, torques): (&Batch, &[f64]),
+        network: &Loaded,
+        (first, count): (usize, usize),
+        (rows, by_next): (usize, &[f64]),
     ) -> Slopes {
         let robot = &batch.system.robot;
         let (joints, wide, d) = (robot.joint_count(), 2 * robot.nv(), robot.state_dim());

@@ -38,7 +38,11 @@ impl Stream for Given {
 
 /// A frame by the kernels of a text, after these lines: so many tokens of so many inputs, and next states.
 fn frame(
-    compiler: &Compiler, (text, launches): (&str, [&str; 2]), batch: &Batch, torques: &[f64], predictions: &[f32],
+    compiler: &Compiler,
+    (text, launches): (&str, [&str; 2]),
+    batch: &Batch,
+    torques: &[f64],
+    predictions: &[f32],
     (rows, inputs): (usize, usize),
 ) -> (Vec<f32>, Vec<f64>) {
     let (n, reach) = (batch.len(), Reach::of(batch));

@@ -115,7 +115,12 @@ impl CardArray {
     /// A capsule of DLPack. The stream of this handle waits until what was written is there.
     #[pyo3(signature = (*, stream=None, max_version=None, dl_device=None, copy=None))]
     fn __dlpack__<'py>(
-        &self, py: Python<'py>, stream: Option<isize>, max_version: Option<(u32, u32)>, dl_device: Option<(i32, usize)>, copy: Option<bool>,
+        &self,
+        py: Python<'py>,
+        stream: Option<isize>,
+        max_version: Option<(u32, u32)>,
+        dl_device: Option<(i32, usize)>,
+        copy: Option<bool>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let _ = max_version;
         if copy == Some(true) || dl_device.is_some_and(|device| device != self.__dlpack_device__()) {

@@ -12,7 +12,11 @@ use crate::arrays::{Floats, made, numbers};
 
 /// Of each state, or of the only one, what `work` makes of it and of its row of `beside`: an array of `shape` a state.
 pub fn each<'py>(
-    py: Python<'py>, system: &Robot, states: &Bound<'py, PyAny>, beside: Option<&Bound<'py, PyAny>>, shape: &[usize],
+    py: Python<'py>,
+    system: &Robot,
+    states: &Bound<'py, PyAny>,
+    beside: Option<&Bound<'py, PyAny>>,
+    shape: &[usize],
     work: impl Fn(&mut Data, &[f64], &[f64]) -> DMatrix<f64> + Sync,
 ) -> PyResult<Floats<'py>> {
     let (width, nv) = (system.robot.state_dim(), system.robot.nv());

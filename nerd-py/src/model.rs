@@ -124,7 +124,13 @@ impl Policy {
     /// the command line's `policy evaluate` plays them.
     #[pyo3(signature = (n, seed=0, solver=PathBuf::from("articulated"), device="cpu", family=None))]
     fn play<'py>(
-        &self, py: Python<'py>, n: i64, seed: i64, solver: PathBuf, device: &str, family: Option<Named>,
+        &self,
+        py: Python<'py>,
+        n: i64,
+        seed: i64,
+        solver: PathBuf,
+        device: &str,
+        family: Option<Named>,
     ) -> PyResult<(Floats<'py>, Floats<'py>)> {
         let (_, mut episodes) = read(PathBuf::from(&self.task), None, n, solver, device, seed, family)?;
         let n = episodes.len();

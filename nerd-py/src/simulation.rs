@@ -109,7 +109,14 @@ impl Simulation {
     #[pyo3(signature = (system, scene=None, n=1, solver=PathBuf::from("articulated"), device="cpu", seed=0, xp=None, vary=false))]
     #[allow(clippy::too_many_arguments)]
     fn new(
-        py: Python<'_>, system: Named, scene: Option<&str>, n: i64, solver: PathBuf, device: &str, seed: i64, xp: Option<Py<PyAny>>,
+        py: Python<'_>,
+        system: Named,
+        scene: Option<&str>,
+        n: i64,
+        solver: PathBuf,
+        device: &str,
+        seed: i64,
+        xp: Option<Py<PyAny>>,
         vary: bool,
     ) -> PyResult<Self> {
         let named = system.read()?;
@@ -271,7 +278,11 @@ impl Simulation {
     /// Without gains those of the robot's TOML, or else such as hold its weight. drive(None) ends it.
     #[pyo3(signature = (targets, kp=None, kd=None))]
     fn drive(
-        &self, py: Python<'_>, targets: Option<&Bound<'_, PyAny>>, kp: Option<&Bound<'_, PyAny>>, kd: Option<&Bound<'_, PyAny>>,
+        &self,
+        py: Python<'_>,
+        targets: Option<&Bound<'_, PyAny>>,
+        kp: Option<&Bound<'_, PyAny>>,
+        kd: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
         let (n, [joints, _], system) = (self.n, self.widths(), &self.system);
         if kp.is_some() != kd.is_some() {

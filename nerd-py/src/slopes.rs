@@ -41,7 +41,11 @@ impl Inner {
 #[pyfunction]
 #[pyo3(signature = (simulation, states, tau, by_next=None))]
 pub fn vjp<'py>(
-    simulation: &Simulation, py: Python<'py>, states: &Bound<'py, PyAny>, tau: &Bound<'py, PyAny>, by_next: Option<&Bound<'py, PyAny>>,
+    simulation: &Simulation,
+    py: Python<'py>,
+    states: &Bound<'py, PyAny>,
+    tau: &Bound<'py, PyAny>,
+    by_next: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Back<'py>> {
     let ([joints, width], n) = (simulation.widths(), simulation.len());
     let mut states = numbers::<f64>("states", states, &[&[n, width]])?;

@@ -169,7 +169,10 @@ impl System {
     /// Damping, limits and contact are not in it.
     #[pyo3(signature = (states, accelerations=None))]
     fn inverse_dynamics<'py>(
-        &self, py: Python<'py>, states: &Bound<'py, PyAny>, accelerations: Option<&Bound<'py, PyAny>>,
+        &self,
+        py: Python<'py>,
+        states: &Bound<'py, PyAny>,
+        accelerations: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Floats<'py>> {
         let of = |data: &mut Data, state: &[f64], rates: &[f64]| dynamics::inverse_dynamics(&self.system, data, state, rates);
         dynamics::each(py, &self.system, states, accelerations, &[self.nv()], of)

@@ -45,7 +45,13 @@ pub struct Read {
 /// # Errors
 /// If there is no such task, robot or solver, or not as much memory.
 pub fn read(
-    name: PathBuf, robot: Option<Named>, n: i64, solver: PathBuf, device: &str, seed: i64, family: Option<Named>,
+    name: PathBuf,
+    robot: Option<Named>,
+    n: i64,
+    solver: PathBuf,
+    device: &str,
+    seed: i64,
+    family: Option<Named>,
 ) -> PyResult<(Read, Episodes)> {
     let robot = robot.map(|robot| format!("@{}", robot.source())).unwrap_or_default();
     let name = format!("{}{robot}", name.display());

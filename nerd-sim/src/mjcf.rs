@@ -112,7 +112,12 @@ fn geom(collider: &Collider) -> Option<(&'static str, String, Isometry3<f64>)> {
 /// MuJoCo has no body that weighs nothing, but bodies with several joints: a link that weighs nothing between two joints is left out, and
 /// its joint becomes one of the next link's. `before` are such links, with their frames as `base` is.
 fn body(
-    text: &mut String, robot: &Robot, scene: &Scene, (weight, soft): (&[f64], &[String]), i: usize, base: &Isometry3<f64>,
+    text: &mut String,
+    robot: &Robot,
+    scene: &Scene,
+    (weight, soft): (&[f64], &[String]),
+    i: usize,
+    base: &Isometry3<f64>,
     before: &[(usize, Isometry3<f64>)],
 ) {
     let link = &robot.links[i];

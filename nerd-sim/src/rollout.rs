@@ -118,7 +118,12 @@ impl States {
     /// Rolls all trajectories out in `scene`, one environment each by id, and returns the table of their states: `traj, step`
     /// and the state, steps 0 to `frames`, with as many digits as an f64 takes. `progress` receives the frames done.
     pub fn roll(
-        &self, system: &Arc<System>, scene: &Arc<Scene>, solver: &mut dyn Solver, frames: usize, progress: &mut dyn FnMut(usize),
+        &self,
+        system: &Arc<System>,
+        scene: &Arc<Scene>,
+        solver: &mut dyn Solver,
+        frames: usize,
+        progress: &mut dyn FnMut(usize),
     ) -> Result<Vec<u8>, RolloutError> {
         self.check(frames)?;
         let (n, joints) = (self.trajectories.len(), system.robot.joint_count());

@@ -23,7 +23,9 @@ fn best<E>(mut run: impl FnMut() -> Result<Duration, E>) -> Result<Duration, E> 
 
 /// A solver's errors, found in so many frames, and the microseconds of a frame of its own; time and errors are of the same steps.
 pub fn timed(
-    solver: Box<dyn Solver>, frames: usize, compare: impl Fn(&mut dyn Solver) -> Result<PassiveReport, StepError>,
+    solver: Box<dyn Solver>,
+    frames: usize,
+    compare: impl Fn(&mut dyn Solver) -> Result<PassiveReport, StepError>,
 ) -> Result<(PassiveReport, f64), StepError> {
     let (mut solver, mut report) = (Timed::new(solver), None);
     let best = best(|| {

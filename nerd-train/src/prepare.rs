@@ -60,7 +60,10 @@ pub struct Prepared {
 /// # Errors
 /// If the truth cannot step.
 pub fn generate(
-    system: &Arc<System>, solver: &(dyn Fn() -> Box<dyn Solver> + Sync), config: &GenerateConfig, form: (usize, Form),
+    system: &Arc<System>,
+    solver: &(dyn Fn() -> Box<dyn Solver> + Sync),
+    config: &GenerateConfig,
+    form: (usize, Form),
     progress: &(dyn Fn(usize) + Sync),
 ) -> Result<Prepared> {
     Ok(joined(recorded(system, config, progress, |first, count| shard(system, solver, config, first, count, form))?))
@@ -68,7 +71,9 @@ pub fn generate(
 
 /// What `make` gives of the first trajectory and the length of every shard, in order, made in parallel.
 pub(crate) fn recorded<T: Send>(
-    system: &System, config: &GenerateConfig, progress: &(dyn Fn(usize) + Sync),
+    system: &System,
+    config: &GenerateConfig,
+    progress: &(dyn Fn(usize) + Sync),
     make: impl Fn(u64, usize) -> Result<T, DatasetError> + Sync,
 ) -> Result<Vec<T>, DatasetError> {
     config.check(system)?;
@@ -85,7 +90,11 @@ pub(crate) fn recorded<T: Send>(
 
 /// Tokens and targets of trajectories `first .. first + count`, and the hash of their recording.
 pub(crate) fn shard(
-    system: &Arc<System>, solver: &(dyn Fn() -> Box<dyn Solver> + Sync), config: &GenerateConfig, first: u64, count: usize,
+    system: &Arc<System>,
+    solver: &(dyn Fn() -> Box<dyn Solver> + Sync),
+    config: &GenerateConfig,
+    first: u64,
+    count: usize,
     (history, form): (usize, Form),
 ) -> Result<(Windows, [u8; 32]), DatasetError> {
     let recording = record(system, &mut *solver(), config, first, count)?;
@@ -107,7 +116,10 @@ pub fn read(system: &Arc<System>, truth: &str, folder: &Path, history: usize, fo
 
 /// The manifest of such a folder, and what `read` gives of each shard's name, read in parallel.
 pub(crate) fn opened<T: Send>(
-    system: &System, truth: &str, folder: &Path, read: impl Fn(&Manifest, &str) -> Result<T, DatasetError> + Sync,
+    system: &System,
+    truth: &str,
+    folder: &Path,
+    read: impl Fn(&Manifest, &str) -> Result<T, DatasetError> + Sync,
 ) -> Result<(Manifest, Vec<T>), DatasetError> {
     let manifest = Manifest::read(folder)?;
     manifest.check(folder, system, truth)?;

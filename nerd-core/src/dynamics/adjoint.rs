@@ -97,7 +97,12 @@ impl Adjoint {
     /// Ends: adds the gradients by the twists' rates `qd` to `out`, and by displacements to `loads`. Returns that by the acceleration of the base,
     /// which is `-gravity`.
     pub fn end(
-        &mut self, robot: &Robot, data: &Data, (virtual_rates, qd, qdd): (&[f64], &[f64], &[f64]), loads: &mut [Wrench], out: &mut [f64],
+        &mut self,
+        robot: &Robot,
+        data: &Data,
+        (virtual_rates, qd, qdd): (&[f64], &[f64], &[f64]),
+        loads: &mut [Wrench],
+        out: &mut [f64],
     ) -> Vector3<f64> {
         motions_back(robot, data, virtual_rates, &mut self.by_virtual, loads, &mut self.unused);
         motions_back(robot, data, qdd, &mut self.by_quickened, loads, &mut self.unused);

@@ -121,7 +121,14 @@ impl Derivatives {
     /// Columns of a floating root: turning it is turning rates, accelerations and gravity the other way, and the root's wrench back.
     #[allow(clippy::too_many_arguments)]
     fn turn_root(
-        &mut self, qd: &[f64], qdd: &[f64], gravity: &Vector3<f64>, force: &Wrench, pushed: &[Wrench], columns: &[Column], data: &Data,
+        &mut self,
+        qd: &[f64],
+        qdd: &[f64],
+        gravity: &Vector3<f64>,
+        force: &Wrench,
+        pushed: &[Wrench],
+        columns: &[Column],
+        data: &Data,
     ) {
         self.q.columns_mut(0, 6).fill(0.0);
         for k in 0..3 {
@@ -154,7 +161,13 @@ impl Derivatives {
     /// `M^-1`. `false` if the mass matrix is not positive definite; then nothing is written.
     #[must_use = "without a mass matrix there are none"]
     pub fn forward(
-        &mut self, robot: &Robot, qd: &[f64], qdd: &[f64], gravity: &Vector3<f64>, data: &mut Data, factor: &mut Factor,
+        &mut self,
+        robot: &Robot,
+        qd: &[f64],
+        qdd: &[f64],
+        gravity: &Vector3<f64>,
+        data: &mut Data,
+        factor: &mut Factor,
     ) -> bool {
         self.inverse(robot, qd, qdd, gravity, data);
         if !factor.refill(&data.mass) {

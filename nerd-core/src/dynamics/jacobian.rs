@@ -50,7 +50,12 @@ impl Data {
     /// An axis moves with the link that carries it, `S_dot = V x S`, and the place with its own velocity: of a column `(w, v + w x x)` the
     /// rate is `(w_dot, v_dot + w_dot x x + w x x_dot)`. Those of a floating root turn about its origin, which moves.
     pub fn jacobian_rate(
-        &mut self, robot: &Robot, q: &[f64], qd: &LocalVelocity<impl AsRef<[f64]>>, frame: &FixedFrame, axes: Axes,
+        &mut self,
+        robot: &Robot,
+        q: &[f64],
+        qd: &LocalVelocity<impl AsRef<[f64]>>,
+        frame: &FixedFrame,
+        axes: Axes,
     ) -> &DMatrix<f64> {
         self.jacobian(robot, q, frame, axes);
         velocities(robot, qd.0.as_ref(), self);

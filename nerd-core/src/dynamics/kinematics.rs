@@ -41,7 +41,11 @@ pub fn kinematics_about(robot: &Robot, q: &[f64], origin: &Vector3<f64>, data: &
 /// Rotation and place of a link from those of what it hangs on; the motion of its joint per unit of its coordinate's rate into `motion`.
 #[inline(always)]
 pub(super) fn hung(
-    joint: &Joint, value: f64, parent: &Matrix3<f64>, start: Vector3<f64>, motion: &mut Motion,
+    joint: &Joint,
+    value: f64,
+    parent: &Matrix3<f64>,
+    start: Vector3<f64>,
+    motion: &mut Motion,
 ) -> (Matrix3<f64>, Vector3<f64>) {
     let turn = joint.turn();
     let mut position = start + parent * joint.origin().translation.vector;

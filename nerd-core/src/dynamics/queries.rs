@@ -33,7 +33,12 @@ impl Data {
 
     /// Torques for the accelerations `qdd`.
     pub fn inverse_dynamics(
-        &mut self, robot: &Robot, q: &[f64], qd: &LocalVelocity<impl AsRef<[f64]>>, qdd: &[f64], gravity: &Vector3<f64>,
+        &mut self,
+        robot: &Robot,
+        q: &[f64],
+        qd: &LocalVelocity<impl AsRef<[f64]>>,
+        qdd: &[f64],
+        gravity: &Vector3<f64>,
     ) -> &DVector<f64> {
         self.torques(robot, q, Some(qd.0.as_ref()), Some(qdd), gravity)
     }
@@ -43,7 +48,12 @@ impl Data {
     /// # Errors
     /// If a link has no inertia to accelerate: which.
     pub fn forward_dynamics(
-        &mut self, robot: &Robot, q: &[f64], qd: &LocalVelocity<impl AsRef<[f64]>>, tau: &[f64], gravity: &Vector3<f64>,
+        &mut self,
+        robot: &Robot,
+        q: &[f64],
+        qd: &LocalVelocity<impl AsRef<[f64]>>,
+        tau: &[f64],
+        gravity: &Vector3<f64>,
     ) -> Result<&DVector<f64>, NoInertia> {
         let qd = qd.0.as_ref();
         self.place(robot, q);
@@ -56,7 +66,12 @@ impl Data {
 
     /// Derivatives of [`Data::inverse_dynamics`] by `q` and `qd`, at fixed `qdd`; that by `qdd` is the mass matrix.
     pub fn inverse_derivatives(
-        &mut self, robot: &Robot, q: &[f64], qd: &LocalVelocity<impl AsRef<[f64]>>, qdd: &[f64], gravity: &Vector3<f64>,
+        &mut self,
+        robot: &Robot,
+        q: &[f64],
+        qd: &LocalVelocity<impl AsRef<[f64]>>,
+        qdd: &[f64],
+        gravity: &Vector3<f64>,
     ) -> Derivatives {
         let (qd, mut spatial, mut out) = (qd.0.as_ref(), qdd.to_vec(), Derivatives::new(robot));
         shift(robot, qd, &mut spatial, -1.0);
@@ -77,7 +92,12 @@ impl Data {
     /// # Errors
     /// As [`Data::forward_dynamics`].
     pub fn forward_derivatives(
-        &mut self, robot: &Robot, q: &[f64], qd: &LocalVelocity<impl AsRef<[f64]>>, tau: &[f64], gravity: &Vector3<f64>,
+        &mut self,
+        robot: &Robot,
+        q: &[f64],
+        qd: &LocalVelocity<impl AsRef<[f64]>>,
+        tau: &[f64],
+        gravity: &Vector3<f64>,
     ) -> Result<Derivatives, NoInertia> {
         let (qd, mut out) = (qd.0.as_ref(), Derivatives::new(robot));
         self.place(robot, q);

@@ -28,7 +28,12 @@ pub(super) fn check_names(file: &urdf_rs::Robot) -> Result<(), UrdfError> {
 /// The two sliding links of a planar joint, which are to be added as links `next` and `next + 1`, and the joint that turns `child` on the
 /// second. `parent` is the moving link that carries the joint, and `origin` the joint's frame in it.
 pub(super) fn planar(
-    source: &urdf_rs::Joint, child: &str, parent: Option<usize>, origin: Isometry3<f64>, next: usize, notes: &mut Vec<String>,
+    source: &urdf_rs::Joint,
+    child: &str,
+    parent: Option<usize>,
+    origin: Isometry3<f64>,
+    next: usize,
+    notes: &mut Vec<String>,
 ) -> Result<([Link; 2], Joint), UrdfError> {
     let wrong = |reason: &str| UrdfError::joint(&source.name, reason);
     if source.mimic.is_some() {

@@ -15,7 +15,11 @@ pub fn arithmetics(setting: &Setting) -> &'static [(Precision, &'static str)] {
 /// Errors of a solver there, and the microseconds of a frame of one of `n` environments that go on from those of `begun`, in turn, for so many
 /// frames without torques, or on their way to their first targets; those that it gives up stay where they are. And this process's memory there.
 pub fn timed(
-    begun: &Batch, setting: &Setting, precision: Precision, [n, frames]: [usize; 2], held: Option<&Held>,
+    begun: &Batch,
+    setting: &Setting,
+    precision: Precision,
+    [n, frames]: [usize; 2],
+    held: Option<&Held>,
     compare: &dyn Fn(&mut dyn Solver) -> Result<PassiveReport, StepError>,
 ) -> Result<(PassiveReport, f64, Option<f64>)> {
     let mut solver = resident(setting, &begun.system, Real::F32, precision)?;

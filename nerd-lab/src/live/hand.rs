@@ -34,7 +34,9 @@ impl Hand {
     /// Pushes with the impulse (N s, world axes) that `law` says of the point's place, its velocity and how much velocity an impulse there
     /// gives: velocities change by `M^-1 J^T impulse`, so any solver feels it.
     pub fn push(
-        &self, batch: &mut Batch, law: impl FnOnce(Vector3<f64>, Vector3<f64>, Matrix3<f64>) -> Vector3<f64>,
+        &self,
+        batch: &mut Batch,
+        law: impl FnOnce(Vector3<f64>, Vector3<f64>, Matrix3<f64>) -> Vector3<f64>,
     ) -> Option<Vector3<f64>> {
         let system = batch.system.clone();
         let (robot, mut data) = (&system.robot, system.data());

@@ -49,7 +49,11 @@ pub fn slope_functions(form: Form, normalizer: &Normalizer, system: &Arc<System>
 
 /// What surrounds the network without its kernels: `tell` and `apply`, for other kernels.
 pub fn token_functions(
-    form: Form, normalizer: &Normalizer, system: &Arc<System>, real: Real, Reach { colliders, fields, .. }: Reach,
+    form: Form,
+    normalizer: &Normalizer,
+    system: &Arc<System>,
+    real: Real,
+    Reach { colliders, fields, .. }: Reach,
 ) -> String {
     let robot = &system.robot;
     let mut text = functions(system, &settings(), real, Reach { colliders, fields, ..Reach::default() });

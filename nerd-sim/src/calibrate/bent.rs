@@ -51,7 +51,11 @@ impl Bent {
 impl Subject {
     /// Slope and curvature at these values, for a subject without them; nothing if its solver has no slopes.
     pub(super) fn bent(
-        &self, parameters: &[Parameter], values: &[f64], trials: &[Trial], unit: &Distance,
+        &self,
+        parameters: &[Parameter],
+        values: &[f64],
+        trials: &[Trial],
+        unit: &Distance,
     ) -> Result<Option<Bent>, CalibrateError> {
         let Engine::Articulated(config) = self.engine else { return Ok(None) };
         let (own, p) = (self.with(parameters, values)?, parameters.len());
@@ -174,7 +178,10 @@ fn moved(parameters: &[Parameter], values: &[f64], bent: &Bent, damping: f64) ->
 
 /// Goes down from `values` while it pays, as long as it `may`; returns the objective there, or nothing where there are no slopes.
 pub(super) fn descend(
-    parameters: &[Parameter], values: &mut Vec<f64>, may: impl Fn() -> bool, worth: impl Fn(&[f64]) -> Result<f64, CalibrateError>,
+    parameters: &[Parameter],
+    values: &mut Vec<f64>,
+    may: impl Fn() -> bool,
+    worth: impl Fn(&[f64]) -> Result<f64, CalibrateError>,
     bent: impl Fn(&[f64]) -> Result<Option<Bent>, CalibrateError>,
 ) -> Result<Option<f64>, CalibrateError> {
     let (mut best, mut damping) = (worth(values)?, DAMPING[0]);

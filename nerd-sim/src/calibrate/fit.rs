@@ -82,7 +82,11 @@ struct Search<'a> {
 
 impl<'a> Search<'a> {
     fn new(
-        subject: &'a Subject, parameters: &'a [Parameter], trials: &'a [Trial], share: f64, spent: &'a Cell<f64>,
+        subject: &'a Subject,
+        parameters: &'a [Parameter],
+        trials: &'a [Trial],
+        share: f64,
+        spent: &'a Cell<f64>,
     ) -> Result<Self, CalibrateError> {
         spent.set(spent.get() + share);
         Ok(Self { subject, parameters, trials, unit: mean(&subject.distances(trials)?), share, spent })
@@ -98,7 +102,12 @@ impl<'a> Search<'a> {
 
     /// The best values that a search from some of them finds, behind the objective there.
     fn run(
-        &self, from: &[f64], step: f64, budget: usize, seed: u64, progress: &mut dyn FnMut(usize, f64),
+        &self,
+        from: &[f64],
+        step: f64,
+        budget: usize,
+        seed: u64,
+        progress: &mut dyn FnMut(usize, f64),
     ) -> Result<(f64, Vec<f64>), CalibrateError> {
         let n = self.parameters.len();
         let mut best = (self.worth(from)?.0, from.to_vec());
@@ -150,7 +159,11 @@ fn searched(all: &Search, few: &[Trial], config: FitConfig, progress: &mut dyn F
 impl Subject {
     /// Fits parameters to trials; `progress` receives evaluations done and the best objective so far.
     pub fn fit(
-        &self, parameters: &[Parameter], trials: &[Trial], config: FitConfig, progress: &mut dyn FnMut(usize, f64),
+        &self,
+        parameters: &[Parameter],
+        trials: &[Trial],
+        config: FitConfig,
+        progress: &mut dyn FnMut(usize, f64),
     ) -> Result<Fit, CalibrateError> {
         if trials.is_empty() {
             return Err(CalibrateError::Empty);
@@ -179,7 +192,11 @@ impl Subject {
 
     /// The values to which slopes lead from nominal ones by the end of each stage that `budget` allows; nothing where there are no slopes.
     fn descended(
-        &self, all: &Search, few: &[Trial], budget: f64, progress: &mut dyn FnMut(usize, f64),
+        &self,
+        all: &Search,
+        few: &[Trial],
+        budget: f64,
+        progress: &mut dyn FnMut(usize, f64),
     ) -> Result<Option<Vec<Vec<f64>>>, CalibrateError> {
         let (parameters, spent) = (all.parameters, all.spent);
         if parameters.is_empty() {
@@ -205,7 +222,11 @@ impl Subject {
 
     /// The objective along each parameter, all others as fitted: values of the parameter and of the objective, lowest first.
     pub fn profiles(
-        &self, parameters: &[Parameter], fit: &Fit, trials: &[Trial], places: usize,
+        &self,
+        parameters: &[Parameter],
+        fit: &Fit,
+        trials: &[Trial],
+        places: usize,
     ) -> Result<Vec<Vec<[f64; 2]>>, CalibrateError> {
         let along = |k: usize| -> Result<Vec<[f64; 2]>, CalibrateError> {
             let own = parameters[k].place(fit.values[k]);

@@ -26,7 +26,11 @@ impl Subject {
     /// # Errors
     /// As [`Subject::fit`]; of a solver without slopes, too.
     pub fn fit_own(
-        &self, [shared, own]: [&[Parameter]; 2], trials: &[Trial], config: FitConfig, progress: &mut dyn FnMut(usize, f64),
+        &self,
+        [shared, own]: [&[Parameter]; 2],
+        trials: &[Trial],
+        config: FitConfig,
+        progress: &mut dyn FnMut(usize, f64),
     ) -> Result<OwnFit, CalibrateError> {
         let trials = thinned(trials, config.trials);
         if trials.is_empty() {

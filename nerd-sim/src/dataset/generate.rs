@@ -8,7 +8,11 @@ use crate::{disturb::blur, internal::*};
 
 /// Records trajectories `first .. first + count` of the seed with `solver`, which is the truth of this data.
 pub fn record(
-    system: &Arc<System>, solver: &mut dyn Solver, config: &GenerateConfig, first: u64, count: usize,
+    system: &Arc<System>,
+    solver: &mut dyn Solver,
+    config: &GenerateConfig,
+    first: u64,
+    count: usize,
 ) -> Result<Recording, DatasetError> {
     config.check(system)?;
     let (d, joints, points) = (system.robot.state_dim(), system.robot.joint_count(), system.robot.contact_points.len());
@@ -78,7 +82,11 @@ pub fn record(
 /// Writes all shards and `manifest.json` into `folder`; shards that are there already, from the same settings, are
 /// kept. `progress` receives transitions done and in all.
 pub fn generate(
-    system: &Arc<System>, solver: &mut dyn Solver, truth: &str, config: &GenerateConfig, folder: &Path,
+    system: &Arc<System>,
+    solver: &mut dyn Solver,
+    truth: &str,
+    config: &GenerateConfig,
+    folder: &Path,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Manifest, DatasetError> {
     config.check(system)?;

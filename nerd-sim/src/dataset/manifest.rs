@@ -93,7 +93,11 @@ impl Manifest {
 
     /// Refuses shards, by their hashes in order, that are others or of other lengths than it was written for.
     pub fn holds(
-        &self, folder: &Path, shards: impl IntoIterator<Item = [u8; 32]>, trajectories: usize, frames: usize,
+        &self,
+        folder: &Path,
+        shards: impl IntoIterator<Item = [u8; 32]>,
+        trajectories: usize,
+        frames: usize,
     ) -> Result<(), FileError> {
         let (t, f) = (self.trajectories, self.frames);
         let wrong = if sha256_of(shards) != self.sha256 {

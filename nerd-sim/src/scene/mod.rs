@@ -84,7 +84,11 @@ impl Scene {
 
     #[inline(always)]
     fn gather(
-        &self, middle: &Vector3<f64>, [reach, wide]: [f64; 2], query: impl Fn(&Collider) -> ContactEvent, events: &mut Vec<ContactEvent>,
+        &self,
+        middle: &Vector3<f64>,
+        [reach, wide]: [f64; 2],
+        query: impl Fn(&Collider) -> ContactEvent,
+        events: &mut Vec<ContactEvent>,
     ) {
         let first = events.len();
         for (collider, body) in self.colliders.iter().enumerate() {

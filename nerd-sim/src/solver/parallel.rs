@@ -48,7 +48,14 @@ pub(crate) trait Back: Frame {
     /// asked for, by numbers of robot and scene.
     #[allow(clippy::too_many_arguments)]
     fn back(
-        &mut self, system: &System, scene: &Scene, config: &Self::Config, state: &[f64], tau: &[f64], by_next: &[f64], numbers: bool,
+        &mut self,
+        system: &System,
+        scene: &Scene,
+        config: &Self::Config,
+        state: &[f64],
+        tau: &[f64],
+        by_next: &[f64],
+        numbers: bool,
     ) -> Result<Slopes, String>;
 }
 
@@ -135,7 +142,13 @@ impl<F: Frame> Parallel<F> {
 
     /// See [`crate::solver::Solver::back`].
     pub(crate) fn back(
-        &mut self, config: &F::Config, batch: &Batch, torques: &[f64], rows: usize, by_next: &[f64], numbers: bool,
+        &mut self,
+        config: &F::Config,
+        batch: &Batch,
+        torques: &[f64],
+        rows: usize,
+        by_next: &[f64],
+        numbers: bool,
     ) -> Result<Slopes, StepError>
     where
         F: Back,

@@ -177,7 +177,13 @@ impl<'a> Trial<'a> {
     }
 
     fn under(
-        &self, solver: &mut dyn Solver, system: &Arc<System>, scene: &str, start: &[f64], frames: usize, drive: &mut Drive,
+        &self,
+        solver: &mut dyn Solver,
+        system: &Arc<System>,
+        scene: &str,
+        start: &[f64],
+        frames: usize,
+        drive: &mut Drive,
     ) -> Result<Motion, Error> {
         let scene = system.scene(scene)?;
         let mut batch = Batch::new(system, &scene, 1);

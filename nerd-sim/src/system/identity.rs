@@ -11,8 +11,20 @@ use crate::internal::*;
 
 /// Keys of a specification on which no data depends, or that [`System::robot_sha256`] has looked at by what they lead to.
 const ELSEWHERE: [&str; 14] = [
-    "urdf", "truth", "floating", "frame_time", "gravity", "substeps", "refresh", "state_columns", "torque_columns", "material",
-    "mass_matrix_of", "contact", "mesh_points", "self_collision",
+    "urdf",
+    "truth",
+    "floating",
+    "frame_time",
+    "gravity",
+    "substeps",
+    "refresh",
+    "state_columns",
+    "torque_columns",
+    "material",
+    "mass_matrix_of",
+    "contact",
+    "mesh_points",
+    "self_collision",
 ];
 
 impl System {

@@ -70,7 +70,12 @@ pub fn central(size: f64, mut side: impl FnMut(f64) -> Vec<f64>) -> (Vec<f64>, f
 /// The worst errors of a state's slopes by state and by torque, of columns from these sizes of differences down, each against its own size or, of a solver in
 /// 32 bits, against the largest; none where differences disagree among themselves by more than `exact`.
 pub fn errors(
-    solver: &mut dyn Solver, batch: &Batch, state: &[f64], torques: &[f64], [by_state, by_torque]: [f64; 2], (exact, own_size): (f64, bool),
+    solver: &mut dyn Solver,
+    batch: &Batch,
+    state: &[f64],
+    torques: &[f64],
+    [by_state, by_torque]: [f64; 2],
+    (exact, own_size): (f64, bool),
 ) -> Option<[f64; 2]> {
     let robot = &batch.system.robot;
     let (rows, joints) = (2 * robot.nv(), robot.joint_count());

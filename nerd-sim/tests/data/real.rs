@@ -6,8 +6,16 @@ use nerd_sim::{calibrate::*, log::Log, prelude::*};
 
 /// What runs share.
 const SHARED: [&str; 10] = [
-    "com.z:upper", "com.z:lower", "inertia:upper", "inertia:lower", "armature:elbow", "joint-damping:shoulder", "joint-damping:elbow",
-    "joint-friction:shoulder", "joint-friction:elbow", "delay",
+    "com.z:upper",
+    "com.z:lower",
+    "inertia:upper",
+    "inertia:lower",
+    "armature:elbow",
+    "joint-damping:shoulder",
+    "joint-damping:elbow",
+    "joint-friction:shoulder",
+    "joint-friction:elbow",
+    "delay",
 ];
 /// What each has of its own, and what it may have so near what all share.
 const ZEROS: [&str; 2] = ["zero:shoulder", "zero:elbow"];

@@ -50,8 +50,13 @@ pub(super) type Said<T> = Result<T, (proc_macro2::Span, String)>;
 
 impl<'a> Reader<'a> {
     pub fn new(
-        tape: &'a Tape, facts: &'a Facts, part: Part, lets: &'a BTreeMap<String, String>, commands: &'a [(String, Range<usize>)],
-        actions: usize, memory: usize,
+        tape: &'a Tape,
+        facts: &'a Facts,
+        part: Part,
+        lets: &'a BTreeMap<String, String>,
+        commands: &'a [(String, Range<usize>)],
+        actions: usize,
+        memory: usize,
     ) -> Self {
         Self { tape, facts, part, lets, commands, actions, memory, known: RefCell::default() }
     }

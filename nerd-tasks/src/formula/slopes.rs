@@ -51,7 +51,11 @@ impl Ends<f64> for Found<'_> {
 
 /// Adds to `slope`, by the state, and to `by_given` what comes of gradients `by` what `say` says.
 fn back(
-    view: View, work: &mut Work, by: &[f64], (slope, by_given): (&mut [f64], &mut [f64]), say: impl FnOnce(&mut Recorded) -> Vec<Given>,
+    view: View,
+    work: &mut Work,
+    by: &[f64],
+    (slope, by_given): (&mut [f64], &mut [f64]),
+    say: impl FnOnce(&mut Recorded) -> Vec<Given>,
 ) {
     let (system, tape) = (work.system.clone(), Tape::default());
     let robot = &system.robot;

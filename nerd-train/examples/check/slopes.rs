@@ -27,7 +27,10 @@ pub fn slopes(checks: &mut Checks) -> Outcome {
 /// frame;
 /// then half of the environments are within 1e-3.
 fn beside(
-    checks: &mut Checks, name: &str, (system, scene, n): (&Arc<System>, &str, usize), [mut card, mut cpu]: [Box<dyn Solver>; 2],
+    checks: &mut Checks,
+    name: &str,
+    (system, scene, n): (&Arc<System>, &str, usize),
+    [mut card, mut cpu]: [Box<dyn Solver>; 2],
     most: Option<f32>,
 ) -> Outcome {
     let mut batch = Batch::new(system, &system.scene(scene)?, n);

@@ -18,7 +18,10 @@ pub fn resident(setting: &Setting, system: &Arc<System>, real: Real, precision: 
 
 /// A model as a solver: whole frames on the device, or `alone` where that has no kernels for them.
 pub(super) fn frames(
-    model: Model, system: &Arc<System>, precision: Precision, alone: impl FnOnce() -> Result<Box<dyn Solver>> + Send + 'static,
+    model: Model,
+    system: &Arc<System>,
+    precision: Precision,
+    alone: impl FnOnce() -> Result<Box<dyn Solver>> + Send + 'static,
 ) -> Result<Box<dyn Solver>> {
     let is_chain = model.config.network.architecture == Architecture::Chain;
     match cuda::resident(model, system, Real::F32, precision) {

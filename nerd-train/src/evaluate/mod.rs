@@ -96,7 +96,11 @@ impl fmt::Display for Action {
 
 /// Rolls `truth` and `solver` out from the same starts; `progress` is called after each step.
 pub fn passive(
-    system: &Arc<System>, scene: &Arc<Scene>, truth: &mut dyn Solver, solver: &mut dyn Solver, config: PassiveConfig,
+    system: &Arc<System>,
+    scene: &Arc<Scene>,
+    truth: &mut dyn Solver,
+    solver: &mut dyn Solver,
+    config: PassiveConfig,
     progress: &mut dyn FnMut(usize),
 ) -> Result<PassiveReport, StepError> {
     config.check().map_err(StepError::Solver)?;

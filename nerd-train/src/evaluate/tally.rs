@@ -71,7 +71,10 @@ impl Tally {
 
     /// Steps all rollouts and adds the step, given the true states after it and those at the start.
     pub(super) fn step(
-        &mut self, solver: &mut dyn Solver, (learned, torques): (&mut Batch, &[f64]), [real, first]: [&[f64]; 2],
+        &mut self,
+        solver: &mut dyn Solver,
+        (learned, torques): (&mut Batch, &[f64]),
+        [real, first]: [&[f64]; 2],
     ) -> Result<(), StepError> {
         let (step, d) = (self.curve.len() + 1, learned.system.robot.state_dim());
         if let Err(error) = solver.step(learned, torques) {

@@ -83,7 +83,11 @@ impl<P: Pass> Sharded<P> {
     /// Plain threads, not rayon tasks: burn waits inside its own locks, and a waiting rayon thread might take up
     /// another shard there. Each thread has its own network, so that autodiff graphs share nothing.
     fn sharded<T: Send>(
-        &self, weights: &Weights, gradients: bool, rows: &[u64], work: impl Fn(&mut P::Worker, &[u64]) -> Result<T, LearnError> + Sync,
+        &self,
+        weights: &Weights,
+        gradients: bool,
+        rows: &[u64],
+        work: impl Fn(&mut P::Worker, &[u64]) -> Result<T, LearnError> + Sync,
     ) -> Result<Vec<T>, LearnError> {
         let shards: Vec<&[u64]> = rows.chunks(self.shard).collect();
         let next = AtomicUsize::new(0);

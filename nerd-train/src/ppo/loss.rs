@@ -86,7 +86,11 @@ pub(super) fn divergence(mu: &[f32], s: &[f32], old_mu: &[f32], old_s: &[f32]) -
 
 /// Loss terms of one step; writes the gradients of `scale` times the loss by mean, value and spread.
 pub(super) fn step(
-    config: &PpoConfig, past: Past, (mu, s, v): (&[f32], &[f32], f32), scale: f32, (d_mu, d_s, d_v): (&mut [f32], &mut [f32], &mut f32),
+    config: &PpoConfig,
+    past: Past,
+    (mu, s, v): (&[f32], &[f32], f32),
+    scale: f32,
+    (d_mu, d_s, d_v): (&mut [f32], &mut [f32], &mut f32),
 ) -> Terms {
     let Past { action, advantage, goal, .. } = past;
     let ratio = (past.surprise - surprise(action, mu, s)).exp();

@@ -40,7 +40,12 @@ pub trait Body: Clone + Send + Sync {
     /// Adds to `slope` what comes to the state before a frame through what was seen of it: from gradients by its tokens, and from the
     /// `upstream` one.
     fn look_back(
-        &self, before: &Self::State, look: &Self::Look, by_tokens: &[f32], upstream: &Self::Slope, slope: &mut Self::Slope,
+        &self,
+        before: &Self::State,
+        look: &Self::Look,
+        by_tokens: &[f32],
+        upstream: &Self::Slope,
+        slope: &mut Self::Slope,
         memory: &mut Self::Memory,
     );
     /// Whether a rollout is near enough to the truth to go on from where an update ended, so that a network learns from its own states.

@@ -15,8 +15,16 @@ use super::*;
 use crate::learner::cuda::{Network, Optimiser, Plan, Precision};
 
 const KERNELS: [&str; 10] = [
-    "unroll_truths", "unroll_begin", "unroll_look", "unroll_advance", "unroll_end", "unroll_behind", "unroll_said", "unroll_back",
-    "unroll_add", "unroll_total",
+    "unroll_truths",
+    "unroll_begin",
+    "unroll_look",
+    "unroll_advance",
+    "unroll_end",
+    "unroll_behind",
+    "unroll_said",
+    "unroll_back",
+    "unroll_add",
+    "unroll_total",
 ];
 /// Torques that are seen: those of the gripper.
 const LED: usize = 6;
@@ -54,7 +62,11 @@ impl CudaUnrollLearner {
     /// # Errors
     /// If no motion is as long as a rollout, a scene or the network has no kernels, or the device fails.
     pub fn new(
-        system: &Arc<System>, config: LearnerConfig, precision: Precision, state: LearnerState, course: Course<Cable>,
+        system: &Arc<System>,
+        config: LearnerConfig,
+        precision: Precision,
+        state: LearnerState,
+        course: Course<Cable>,
     ) -> Result<Self, LearnError> {
         config.check().map_err(LearnError::Mismatch)?;
         course.check()?;

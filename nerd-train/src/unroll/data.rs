@@ -38,7 +38,10 @@ impl Motions {
     /// # Errors
     /// If the truth cannot step.
     pub fn record(
-        system: &Arc<System>, solver: &(dyn Fn() -> Box<dyn Solver> + Sync), config: &GenerateConfig, progress: &(dyn Fn(usize) + Sync),
+        system: &Arc<System>,
+        solver: &(dyn Fn() -> Box<dyn Solver> + Sync),
+        config: &GenerateConfig,
+        progress: &(dyn Fn(usize) + Sync),
     ) -> Result<Self, DatasetError> {
         let shard = |first, count| {
             let recording = record(system, &mut *solver(), config, first, count)?;

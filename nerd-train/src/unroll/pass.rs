@@ -50,7 +50,12 @@ impl<B: Body> Unroll<'_, B> {
     }
 
     fn forward(
-        &self, k: usize, rollouts: &mut [Rollout<B>], weight: f64, (own, memory): (&mut B::Memory, &mut Memory), total: &mut f64,
+        &self,
+        k: usize,
+        rollouts: &mut [Rollout<B>],
+        weight: f64,
+        (own, memory): (&mut B::Memory, &mut Memory),
+        total: &mut f64,
     ) -> Kept<B> {
         let Course { body, train, .. } = self.course;
         let mut tokens = Vec::new();
@@ -71,7 +76,10 @@ impl<B: Body> Unroll<'_, B> {
 
     /// Gradients by the rollouts before a frame from the upstream ones of so many later frames; none after the last.
     fn backward(
-        &self, kept: &Kept<B>, (upstream, later): (&[B::Slope], usize), (own, memory): (&mut B::Memory, &mut Memory),
+        &self,
+        kept: &Kept<B>,
+        (upstream, later): (&[B::Slope], usize),
+        (own, memory): (&mut B::Memory, &mut Memory),
         gradient: &mut Vec<f32>,
     ) -> Vec<B::Slope> {
         let (body, count) = (&self.course.body, kept.before.len());

@@ -130,7 +130,12 @@ impl Body for Robot {
     }
 
     fn look_back(
-        &self, before: &Vec<f64>, Looked { contacts, gravity }: &Looked, by_tokens: &[f32], _: &Vec<f64>, slope: &mut Vec<f64>,
+        &self,
+        before: &Vec<f64>,
+        Looked { contacts, gravity }: &Looked,
+        by_tokens: &[f32],
+        _: &Vec<f64>,
+        slope: &mut Vec<f64>,
         scratch: &mut Scratch,
     ) {
         self.around.token_back(before, (contacts, *gravity), by_tokens, &mut scratch.data, slope);

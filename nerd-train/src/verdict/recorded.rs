@@ -31,7 +31,11 @@ pub struct Beside {
 /// # Errors
 /// If the model cannot step.
 pub fn recorded(
-    measured: &Measured, pieces: &Pieces, model: &Model, analytic: &[(&str, Subject)], beside: Option<Beside>,
+    measured: &Measured,
+    pieces: &Pieces,
+    model: &Model,
+    analytic: &[(&str, Subject)],
+    beside: Option<Beside>,
 ) -> Result<Option<Verdict>> {
     if model.config.network.architecture == Architecture::Chain {
         return Ok(None);

@@ -38,7 +38,9 @@ const LAUNCHES: &str = "
 /// Rollouts by kernels against the CPU's, from these places on: largest differences of the states before and after a frame, its tokens, the
 /// loss, its slopes, those by outputs and by the state before; and the CPU's tokens.
 fn apart_on_cpu(
-    compiler: &cpp::Compiler, (body, system, motions): (&Cable, &Arc<System>, &Motions), starts: &[Place<View>],
+    compiler: &cpp::Compiler,
+    (body, system, motions): (&Cable, &Arc<System>, &Motions),
+    starts: &[Place<View>],
 ) -> ([f64; 6], Vec<f64>) {
     let colliders = motions.scenes.iter().map(|scene| scene.colliders.len()).max().unwrap_or(0);
     let (rows, inputs, outputs, state) = (body.chain.rods, INPUTS, OUTPUTS, body.width());

@@ -62,7 +62,9 @@ pub(super) fn all(plan: &Plan, most: usize) -> Result<(ChartData, Frames)> {
 
 /// Errors and microseconds by series: on a GPU one for each arithmetic.
 fn each(
-    plan: &Plan, Method { setting, series, .. }: &Method, compare: &dyn Fn(&mut dyn Solver) -> Result<PassiveReport, StepError>,
+    plan: &Plan,
+    Method { setting, series, .. }: &Method,
+    compare: &dyn Fn(&mut dyn Solver) -> Result<PassiveReport, StepError>,
 ) -> Vec<(String, Result<Timed>)> {
     #[cfg(feature = "cuda")]
     if let Some(n) = plan.environments {

@@ -60,7 +60,12 @@ pub(super) struct Against {
 impl Point {
     /// One that was measured; `own` if against a reference of its own.
     pub fn new(
-        series: String, setting: Option<Setting>, substeps: Option<usize>, microseconds: f64, report: PassiveReport, own: bool,
+        series: String,
+        setting: Option<Setting>,
+        substeps: Option<usize>,
+        microseconds: f64,
+        report: PassiveReport,
+        own: bool,
     ) -> Self {
         let (error, diverged) = (mean(&report.error), report.diverged);
         Self { series, setting, substeps, microseconds, error, by_coordinate: report.error, diverged, front: false, own, memory: None }

@@ -10,7 +10,8 @@ pub fn known() -> Vec<Method> {
 
 /// The articulated solver with settings of a system and of so many times the substeps, as `solver` makes it.
 pub(super) fn articulated(
-    name: impl Into<String>, config: impl Fn(&System, usize) -> ArticulatedConfig + Copy + Send + Sync + 'static,
+    name: impl Into<String>,
+    config: impl Fn(&System, usize) -> ArticulatedConfig + Copy + Send + Sync + 'static,
     solver: impl Fn(ArticulatedConfig) -> Box<dyn Solver> + Copy + Send + Sync + 'static,
 ) -> Method {
     let at = move |times: usize| move |system: &Arc<System>| solver(config(system, times));

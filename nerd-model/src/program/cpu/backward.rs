@@ -34,7 +34,12 @@ impl Loaded {
     }
 
     fn way_back(
-        &self, tokens: usize, upstream: &[f32], memory: &mut Memory, mut gradient: Option<&mut [f32]>, by_tokens: bool,
+        &self,
+        tokens: usize,
+        upstream: &[f32],
+        memory: &mut Memory,
+        mut gradient: Option<&mut [f32]>,
+        by_tokens: bool,
     ) -> Vec<f32> {
         let mut slopes: Vec<Vec<f32>> = vec![Vec::new(); self.program.widths.len()];
         let mut last = taken(&mut memory.spare, upstream.len());

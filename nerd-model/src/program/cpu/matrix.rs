@@ -161,7 +161,11 @@ fn tile<S: Simd, const R: usize, const V: usize>(simd: S, x: &[f32], panel: &[[S
 /// Sums of R columns of x from the `row`-th on, `[inner, rows]`, with one panel.
 #[inline(always)]
 fn tile_across<S: Simd, const R: usize, const V: usize>(
-    simd: S, x: &[f32], rows: usize, row: usize, panel: &[[S::f32s; V]],
+    simd: S,
+    x: &[f32],
+    rows: usize,
+    row: usize,
+    panel: &[[S::f32s; V]],
 ) -> [[S::f32s; V]; R] {
     let mut sums = [[simd.splat_f32s(0.0); V]; R];
     for (x, panel) in x.chunks_exact(rows).zip(panel) {
@@ -184,7 +188,12 @@ fn add<S: Simd, const R: usize, const V: usize>(simd: S, x: [f32; R], panel: &[S
 
 #[inline(always)]
 fn store<S: Simd, const R: usize, const V: usize>(
-    simd: S, sums: [[S::f32s; V]; R], out: &mut [f32], outer: usize, columns: std::ops::Range<usize>, (add, bias): (bool, Option<&[f32]>),
+    simd: S,
+    sums: [[S::f32s; V]; R],
+    out: &mut [f32],
+    outer: usize,
+    columns: std::ops::Range<usize>,
+    (add, bias): (bool, Option<&[f32]>),
 ) {
     let bias = bias.map(S::as_simd_f32s);
     for (sums, out) in sums.iter().zip(out.chunks_exact_mut(outer)) {

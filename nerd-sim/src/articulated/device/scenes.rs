@@ -9,7 +9,12 @@ use crate::solver::device::{Held, failed};
 
 /// Takes over a batch and its torques, of which so many columns act.
 pub(super) fn take(
-    held: &mut Held, device: &Device, batch: &Batch, config: &ArticulatedConfig, reach: Reach, (torques, columns): (&[f64], usize),
+    held: &mut Held,
+    device: &Device,
+    batch: &Batch,
+    config: &ArticulatedConfig,
+    reach: Reach,
+    (torques, columns): (&[f64], usize),
 ) -> Result<(), StepError> {
     if !(same(&held.scenes, &batch.scenes) && same(&held.systems, &batch.systems)) {
         know(held, device, batch, config, reach)?;

@@ -40,7 +40,14 @@ pub(super) fn covered(config: &ArticulatedConfig, batch: &Batch) -> Result<(), S
 
 impl Back for Workspace {
     fn back(
-        &mut self, system: &System, scene: &Scene, settings: &Settings, state: &[f64], tau: &[f64], by_next: &[f64], numbers: bool,
+        &mut self,
+        system: &System,
+        scene: &Scene,
+        settings: &Settings,
+        state: &[f64],
+        tau: &[f64],
+        by_next: &[f64],
+        numbers: bool,
     ) -> Result<Slopes, String> {
         let (robot, mut next) = (&system.robot, state.to_vec());
         let mut memory = self.back.take().unwrap_or_else(|| Box::new(Memory::new(robot)));

@@ -137,7 +137,14 @@ impl Workspace {
 /// Back over a contact's force on its link under the virtual motion in `adjoint`. Returns the gradient by the root's `w x v`.
 #[allow(clippy::too_many_arguments)]
 fn press_back(
-    place: Place, contact: &Contact, law: &ContactLaw, h: f64, data: &Data, starts: &[Motion], adjoint: &mut Adjoint, row: &mut Row,
+    place: Place,
+    contact: &Contact,
+    law: &ContactLaw,
+    h: f64,
+    data: &Data,
+    starts: &[Motion],
+    adjoint: &mut Adjoint,
+    row: &mut Row,
 ) -> Vector3<f64> {
     let (i, x, n) = (contact.link, &contact.x, &contact.normal);
     let radius = place.system.robot.contact_points[contact.point].radius;

@@ -60,7 +60,12 @@ impl Sender {
 
     /// Writes `[row][joints]`, of which so many leading columns act, to `all`, after the work of `device` before it.
     pub(crate) fn send(
-        &mut self, device: &Device, all: &Buffer<f64>, torques: &[f64], columns: usize, joints: usize,
+        &mut self,
+        device: &Device,
+        all: &Buffer<f64>,
+        torques: &[f64],
+        columns: usize,
+        joints: usize,
     ) -> Result<(), DeviceError> {
         if !pack(torques, columns, joints, &mut self.packed) {
             return device.write(all, torques);

@@ -92,7 +92,11 @@ pub(crate) fn floats(robot: &Robot) -> bool {
 /// The specification of a robot of which only the `file` is known, at `path`; `defaults` are given positions of joints, and contact points are
 /// to `choose` if none are given.
 pub(crate) fn derived(
-    read: &mut UrdfRobot, path: Option<&Path>, file: &Description, defaults: &BTreeMap<String, f64>, choose: bool,
+    read: &mut UrdfRobot,
+    path: Option<&Path>,
+    file: &Description,
+    defaults: &BTreeMap<String, f64>,
+    choose: bool,
 ) -> Spec {
     let UrdfRobot { robot, notes, base, .. } = read;
     let (mut state, mut pose) = pose_of(robot, path);

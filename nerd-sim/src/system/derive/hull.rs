@@ -40,7 +40,8 @@ pub(crate) fn few(points: &[Vector3<f64>], others: impl Fn(&Vector3<f64>) -> f64
 
 /// Directions, and which of some points is the farthest in each.
 pub(crate) fn farthest(
-    points: &[Vector3<f64>], directions: impl Iterator<Item = Vector3<f64>>,
+    points: &[Vector3<f64>],
+    directions: impl Iterator<Item = Vector3<f64>>,
 ) -> impl Iterator<Item = (Vector3<f64>, usize)> {
     directions.filter_map(|n| {
         let far = |k: &usize| n.dot(&points[*k]);
@@ -50,7 +51,10 @@ pub(crate) fn farthest(
 
 /// The same by number, as asked in some directions with the point that is the farthest there: always the one that is missed most.
 pub(crate) fn cover(
-    points: &[Vector3<f64>], asked: impl Iterator<Item = (Vector3<f64>, usize)>, others: impl Fn(&Vector3<f64>) -> f64, off: f64,
+    points: &[Vector3<f64>],
+    asked: impl Iterator<Item = (Vector3<f64>, usize)>,
+    others: impl Fn(&Vector3<f64>) -> f64,
+    off: f64,
 ) -> Vec<usize> {
     let mut asked: Vec<_> = asked.map(|(n, k)| (n, k, n.dot(&points[k]) - others(&n))).collect();
     let mut kept = Vec::new();

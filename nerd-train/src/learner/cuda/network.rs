@@ -95,7 +95,11 @@ impl Network {
 
     /// The same, with the weights `flat` on the device and their scales folded.
     pub fn with_weights(
-        plan: Plan, flat: &[f32], rows: usize, precision: Precision, train: bool,
+        plan: Plan,
+        flat: &[f32],
+        rows: usize,
+        precision: Precision,
+        train: bool,
     ) -> Result<(Self, Buffer<f32>), LearnError> {
         let parameters = plan.parameters();
         if flat.len() != parameters {

@@ -36,7 +36,10 @@ impl CudaLearner {
     /// [`LearnError::Mismatch`] if windows, state and network do not fit together, [`LearnError::Device`] if there
     /// is no GPU, a library is missing or memory runs out.
     pub fn new(
-        config: LearnerConfig, precision: Precision, state: LearnerState, [train, validation]: [&Windows; 2],
+        config: LearnerConfig,
+        precision: Precision,
+        state: LearnerState,
+        [train, validation]: [&Windows; 2],
     ) -> Result<Self, LearnError> {
         let shape = state.weights.config;
         crate::learner::check(&config, &state, [train, validation])?;

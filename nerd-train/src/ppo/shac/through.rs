@@ -16,7 +16,11 @@ pub(super) enum By {
 /// Gradients through a network, by rows as they are seen or by its parameters, and the sum of what `say` says of a row's outputs when it writes
 /// the gradient by them. Both are summed in order.
 pub(super) fn through(
-    policy: &Policy, network: &Loaded, rows: &[f64], by: By, say: impl Fn(usize, &[f32], &mut [f32]) -> f64 + Sync,
+    policy: &Policy,
+    network: &Loaded,
+    rows: &[f64],
+    by: By,
+    say: impl Fn(usize, &[f32], &mut [f32]) -> f64 + Sync,
 ) -> (Vec<f64>, f64) {
     let (width, outputs) = (policy.shape.inputs(), policy.shape.outputs());
     let size = ROWS.max((rows.len() / width).div_ceil(PARTS));
