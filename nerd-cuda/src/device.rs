@@ -54,7 +54,6 @@ pub struct Device {
     context: Arc<CudaContext>,
     kernels: HashMap<&'static str, CudaFunction>,
     queues: RefCell<Arc<[Queue; 2]>>,
-    /// Arithmetic of products.
     pub(crate) precision: Precision,
 }
 
@@ -222,7 +221,6 @@ impl Device {
         .map_err(|e| DeviceError(format!("kernel `{kernel}`: {e:?}")))
     }
 
-    /// Makes its context this thread's.
     pub(crate) fn bind(&self) -> Result<(), DeviceError> {
         self.context.bind_to_thread().map_err(failed("context"))
     }
@@ -231,7 +229,6 @@ impl Device {
         self.queues.borrow()[lane as usize].stream.clone()
     }
 
-    /// cuBLAS on `lane`.
     pub(crate) fn blas(&self, lane: Lane) -> Result<blas::cublasHandle_t, DeviceError> {
         let missing = || DeviceError("this device was opened without matrix products".into());
         self.queues.borrow()[lane as usize].blas.as_ref().map(|(blas, _)| *blas.handle()).ok_or_else(missing)

@@ -5,7 +5,6 @@
 #[error("device: {0}")]
 pub struct DeviceError(pub String);
 
-/// The error.
 pub(crate) fn failed<E: std::fmt::Debug>(what: &'static str) -> impl Fn(E) -> DeviceError {
     move |e| DeviceError(format!("{what}: {e:?}"))
 }

@@ -20,7 +20,6 @@ pub fn refusal(solver: &mut dyn Solver, system: &Arc<System>, scene: &Arc<Scene>
     solver.step(&mut batch, &torques).err()?.faults().err().map(|reason| reason.to_string())
 }
 
-/// The batch after so many frames without torques.
 pub fn rolled(mut batch: Batch, solver: &mut dyn Solver, frames: usize) -> Result<Batch, StepError> {
     let torques = idle(&batch);
     (0..frames).try_for_each(|_| solver.step(&mut batch, &torques)).map(|()| batch)

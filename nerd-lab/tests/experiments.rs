@@ -257,7 +257,6 @@ fn a_table_counts_lost_motions_and_has_no_figure_of_them() {
     assert!(lost.contains("3 were lost") && !lost.contains("NaN") && lost.contains(" - "), "{lost}");
 }
 
-/// A policy of random weights.
 fn policy(task: &str) -> (Shape, PpoConfig, Policy) {
     let (task, ppo) = (named(task).expect("registered"), PpoConfig::of(task).expect("settings"));
     let shape = Shape { hidden: vec![8], ..Shape::of(&*task, &ppo) };

@@ -120,7 +120,6 @@ fn what_cannot_be_asked_is_refused_in_a_line() {
     }
 }
 
-/// What comes back on one connection.
 fn send(address: &str, text: &str) -> String {
     let mut stream = TcpStream::connect(address.trim_start_matches("http://")).expect("a connection");
     stream.set_read_timeout(Some(Duration::from_secs(2))).expect("a limit");
@@ -236,7 +235,7 @@ fn a_friction_that_was_changed_keeps_no_model_away() {
 #[test]
 fn a_hand_at_a_toe_is_stable() {
     let mut world = over_ground("anymal", vec![Setting::Accurate]);
-    let system = world.system().clone();
+    let system = world.system.clone();
     let toe = system.robot.contact_points.last().expect("feet").clone();
     world.answer(Ask::Ghost(true));
     let up = -system.gravity().normalize();
@@ -281,15 +280,15 @@ fn a_menu_leads_from_robot_to_policy_to_a_thousand() {
         all.iter().position(|own| own.as_str().is_some_and(|own| own.ends_with(name))).unwrap_or_else(|| panic!("no {name} in {list}"))
     };
     world.answer(Ask::Robot(place("robots", "pendulum")));
-    assert!(world.title().starts_with("pendulum in "), "{}", world.title());
+    assert!(world.title.starts_with("pendulum in "), "{}", world.title);
     if !nerd_train::shipped::policies("").expect("a folder").is_empty() {
         world.answer(Ask::Policy(1 + place("policies", "ant-run-neural-200")));
-        assert_eq!((world.title(), world.shown().trouble.as_str()), ("ant-run", ""));
+        assert_eq!((world.title.as_str(), world.shown().trouble.as_str()), ("ant-run", ""));
         steps(&mut world, 3);
         world.answer(Ask::Policy(0));
     }
     assert_eq!(world.shown().tracks.len(), 1);
-    let numbers = world.number();
+    let numbers = world.number;
     world.answer(Ask::Envs(1000));
     world.page();
     let lines = |world: &World| world.crowd().chunks_exact(4).map(|x| f32::from_le_bytes([x[0], x[1], x[2], x[3]])).collect::<Vec<_>>();
@@ -300,7 +299,7 @@ fn a_menu_leads_from_robot_to_policy_to_a_thousand() {
     let after = lines(&world);
     let still = before.chunks_exact(each).zip(after.chunks_exact(each)).filter(|(a, b)| a == b).count();
     assert!(still == 0 && after.iter().all(|x| x.is_finite()), "{still} of 999 do not move");
-    assert_eq!(world.number(), numbers + 1);
+    assert_eq!(world.number, numbers + 1);
     world.answer(Ask::Envs(MOST));
     world.answer(Ask::Ghost(true));
     steps(&mut world, 1);

@@ -17,7 +17,6 @@ fn place(robot: &str, scene: &str) -> (Arc<System>, Arc<Scene>) {
     (system, scene)
 }
 
-/// The Python of whoever has MuJoCo.
 fn python() -> Option<PathBuf> {
     let python = std::env::var("NERD_MUJOCO").ok().map(PathBuf::from);
     if python.is_none() {

@@ -19,7 +19,6 @@ fn only_the_reference_preset_pays_a_runner() {
     }
 }
 
-/// What is broken on purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, EnumIter)]
 enum Fault {
     /// Gravity at half its strength.
@@ -105,7 +104,6 @@ const REDDENED: [(&str, &[Fault]); 54] = [
 ];
 
 impl Fault {
-    /// A method with the fault.
     fn of(self, method: Method) -> Method {
         method.around(move |solver| {
             Box::new(Broken { solver, fault: self, frame: 0, before: Vec::new(), scenes: Vec::new(), torques: Vec::new() })

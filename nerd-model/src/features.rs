@@ -243,7 +243,6 @@ pub(crate) fn nearness(gap: f64) -> f64 {
     gap / gap.hypot(NEAR)
 }
 
-/// Its slope.
 pub(crate) fn nearness_slope(gap: f64) -> f64 {
     NEAR * NEAR / gap.hypot(NEAR).powi(3)
 }

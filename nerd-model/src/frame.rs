@@ -7,7 +7,6 @@ use crate::prelude::*;
 use crate::program::cpu::{Loaded, Memory, Pass};
 use crate::{around::Around, features::Features};
 
-/// Working memory of one thread.
 pub(crate) struct Frame {
     around: Around,
     features: Features,
@@ -18,7 +17,6 @@ pub(crate) struct Frame {
 }
 
 impl Frame {
-    /// Memory for a model of `system`.
     pub fn new(model: &Model, system: &Arc<System>) -> Self {
         let form = model.config.form();
         Self {

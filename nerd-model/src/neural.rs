@@ -57,7 +57,6 @@ impl Neural {
         check(batch, torques, &mut self.faults)
     }
 
-    /// Makes room for a batch.
     fn begin(&mut self, batch: &Batch) -> Result<(), StepError> {
         if self.model.config.network.architecture == Architecture::Chain {
             return Err(StepError::Solver("a model of a chain: make its solver with nerd_model::pick::learned".into()));

@@ -85,7 +85,6 @@ fn flat(rods: &Rods) -> Vec<f64> {
     rods.gripper.numbers().chain(rods.along.iter().chain(&rods.rates).flat_map(|v| v.iter().copied())).collect()
 }
 
-/// The reverse of [`flat`].
 fn rods_of(numbers: &[f64]) -> Rods {
     let (gripper, rest) = numbers.split_at(12);
     let [along, rates] =

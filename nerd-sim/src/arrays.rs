@@ -9,7 +9,6 @@ use safetensors::tensor::SafeTensors;
 
 use crate::internal::*;
 
-/// Columns of the same rows.
 pub(crate) struct Arrays {
     arrays: BTreeMap<String, Array>,
     /// Its array, how many numbers that has a row, and which of them it is.
@@ -31,7 +30,6 @@ impl Arrays {
         path.extension().is_some_and(|e| e == "npz" || e == "safetensors")
     }
 
-    /// These columns.
     pub fn read(path: &Path, wanted: &[&String]) -> Result<Self, FileError> {
         let wrong = |reason: String| FileError::new(path, reason);
         let used = |name: &str| wanted.iter().any(|w| *w == name || split(w).is_some_and(|(array, _)| array == name));
@@ -66,7 +64,6 @@ impl Arrays {
         Ok(Self { arrays, columns, shape: shape.map_or((None, 0), |s| s.1) })
     }
 
-    /// Rows of all trajectories.
     pub fn rows(&self) -> usize {
         self.shape.0.unwrap_or(1) * self.shape.1
     }
@@ -85,7 +82,6 @@ impl Arrays {
     }
 }
 
-/// An array's name and a component.
 fn split(column: &str) -> Option<(&str, usize)> {
     let (array, at) = column.rsplit_once('.')?;
     Some((array, at.parse().ok()?))

@@ -26,7 +26,8 @@
 
 use std::time::{Duration, Instant};
 
-use crate::{internal::*, sampling::normal, solver::commit};
+use crate::solver::{around, commit};
+use crate::{internal::*, sampling::normal};
 
 /// Adds up the time its solver takes, and nothing else's.
 #[derive(Clone, Debug)]
@@ -52,13 +53,7 @@ impl<S: Solver> Solver for Timed<S> {
         done
     }
 
-    fn inner(&self) -> Option<&dyn Solver> {
-        Some(&self.solver)
-    }
-
-    fn inner_mut(&mut self) -> Option<&mut dyn Solver> {
-        Some(&mut self.solver)
-    }
+    around!();
 }
 
 /// Keeps every state its solver comes to; [`Replay`] plays them back.
@@ -87,13 +82,7 @@ impl<S: Solver> Solver for Recorder<S> {
         done
     }
 
-    fn inner(&self) -> Option<&dyn Solver> {
-        Some(&self.solver)
-    }
-
-    fn inner_mut(&mut self) -> Option<&mut dyn Solver> {
-        Some(&mut self.solver)
-    }
+    around!();
 }
 
 /// A solver, and normal noise (rad/s or m/s, by velocity) after each of its frames: how far apart a motion's own sensitivity drives what
@@ -124,13 +113,7 @@ impl<S: Solver> Solver for Shaken<S> {
         Ok(())
     }
 
-    fn inner(&self) -> Option<&dyn Solver> {
-        Some(&self.solver)
-    }
-
-    fn inner_mut(&mut self) -> Option<&mut dyn Solver> {
-        Some(&mut self.solver)
-    }
+    around!();
 }
 
 /// Plays recorded states back, whatever the torques: a truth that costs nothing to ask again.

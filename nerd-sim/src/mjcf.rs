@@ -47,9 +47,6 @@ pub fn mjcf(system: &System, scene: &Scene, drives: &[Drive]) -> Result<String, 
 
 /// The same without drives, and with contacts of the stiffness, damping and drag that ours have in this scene, all of whose colliders are of
 /// one material.
-///
-/// # Errors
-/// As [`mjcf`].
 pub fn mjcf_of_our_contact(system: &System, scene: &Scene) -> Result<String, MjcfError> {
     let material = scene.colliders.first().map(|collider| collider.material.mean(&system.spec.material));
     let hold = material.map_or_else(String::new, |m| format!(" impratio=\"{}\"", m.friction_damping / m.damping));

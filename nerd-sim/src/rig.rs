@@ -17,8 +17,8 @@
 
 use nerd_core::state::wrap_state;
 
-use crate::internal::*;
 pub use crate::system::motors::{LATEST, Motors};
+use crate::{internal::*, solver::around};
 
 /// Frames of torques that are remembered, that of now with them.
 const FRAMES: usize = LATEST as usize + 1;
@@ -116,13 +116,7 @@ impl<S: Solver> Solver for Rig<S> {
         done
     }
 
-    fn inner(&self) -> Option<&dyn Solver> {
-        Some(&self.solver)
-    }
-
-    fn inner_mut(&mut self) -> Option<&mut dyn Solver> {
-        Some(&mut self.solver)
-    }
+    around!();
 
     fn reset(&mut self, env: usize) {
         if let Some(newest) = self.newest.get_mut(env) {

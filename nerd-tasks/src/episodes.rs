@@ -203,7 +203,6 @@ impl Episodes {
         )))
     }
 
-    /// After a step's frames.
     pub(crate) fn done(&mut self, actions: &[f64]) {
         let (task, width) = (&*self.task, self.task.action_dim());
         if task.memory() > 0 {
@@ -224,7 +223,6 @@ impl Episodes {
         }
     }
 
-    /// Torques of every environment.
     pub(crate) fn act(&mut self, actions: &[f64]) -> &[f64] {
         let (task, batch, goals) = (&*self.task, &self.simulation.batch, &*self.goals);
         let (width, joints) = (task.action_dim(), batch.system.robot.joint_count());

@@ -75,9 +75,6 @@ pub trait Task: Send + Sync {
     fn about(&self) -> About;
 
     /// Its robot.
-    ///
-    /// # Errors
-    /// As [`System::named`].
     fn system(&self) -> Result<Arc<System>, SystemError> {
         System::named(self.robot())
     }

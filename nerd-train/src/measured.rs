@@ -19,7 +19,6 @@ const CHOOSES: usize = 6;
 const NAMED: usize = 100;
 /// Of the windows that there are, at most one in so many is lost to what is recorded in shorter pieces.
 const LOST: usize = 100;
-/// Rollouts that a calibration sees.
 const TRIALS: usize = 200;
 
 /// A log in three parts.
@@ -250,7 +249,6 @@ impl Measured {
     }
 }
 
-/// As many frames as most have.
 fn median(lengths: impl Iterator<Item = usize>) -> usize {
     let mut lengths: Vec<usize> = lengths.collect();
     lengths.sort_unstable();

@@ -33,7 +33,6 @@ pub struct Supply {
     /// Thread t makes every T-th shard.
     threads: Vec<Receiver<Result<Windows, DatasetError>>>,
     slots: u64,
-    /// The next that is taken up.
     next: u64,
 }
 

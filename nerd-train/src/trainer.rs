@@ -76,12 +76,10 @@ pub struct Trainer {
     pub stop_at: Option<Duration>,
 }
 
-/// The record of a run.
 struct Lead {
     metrics: Record,
     bar: Bar,
     best: Option<(u64, f64)>,
-    /// Step and loss of every validation.
     losses: Vec<(u64, f32)>,
     /// The update that the last line of training was of, and when it was written, but for time spent on validations.
     logged: (u64, Instant),

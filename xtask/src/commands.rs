@@ -3,7 +3,6 @@
 use clap::{Arg, ArgMatches, Command};
 use nerd_train::shipped::root;
 
-/// Groups, and their verbs.
 const GROUPS: [(&str, &[&str]); 5] = [
     ("Data", &["dataset", "inspect", "urdf"]),
     ("Learn", &["train", "calibrate"]),
@@ -27,7 +26,6 @@ pub fn prepare(program: Command) -> Command {
     program.disable_help_subcommand(true).subcommand_value_name("VERB").mut_subcommands(shared)
 }
 
-/// Whether the tables were asked for as JSON.
 pub fn as_json(matches: &ArgMatches) -> bool {
     matches.get_flag("json")
 }
@@ -43,7 +41,6 @@ fn shared(verb: Command) -> Command {
     verb.disable_help_subcommand(true).mut_subcommands(shared)
 }
 
-/// The document, from the program.
 pub fn reference(mut program: Command) -> String {
     program.build();
     let mut text = String::from(
@@ -60,7 +57,6 @@ pub fn reference(mut program: Command) -> String {
     if here == "/" { text } else { text.replace(&here, "") }
 }
 
-/// A verb, then those below it.
 fn chapter(text: &mut String, verb: &Command, level: &str) {
     let name = verb.get_bin_name().unwrap_or(verb.get_name()).trim_start_matches("cargo xtask ");
     let about = verb.get_about().map(ToString::to_string).unwrap_or_default();
@@ -79,7 +75,6 @@ fn chapter(text: &mut String, verb: &Command, level: &str) {
     }
     verb.get_subcommands().for_each(|below| chapter(text, below, &format!("{level}#")));
 }
-/// Whether a value follows it.
 fn valued(arg: &Arg) -> bool {
     arg.get_action().takes_values() && arg.get_num_args().is_none_or(|n| n.max_values() > 0)
 }

@@ -61,7 +61,6 @@ pub fn run(args: EvaluateArgs) -> Result<()> {
     replay.map_or(Ok(()), |(file, page)| out::replay(&file, &page))
 }
 
-/// A model beside recorded motion.
 fn recorded(solver: &SolverArgs, replay: Option<PathBuf>, asked: &Protocol, name: &str, out: Option<PathBuf>) -> Result<()> {
     let card = solver.device.is_some_and(Device::is_cuda);
     let others = SolverArgs { solver: None, model: None, device: solver.device.filter(|_| !card), ..solver.clone() };

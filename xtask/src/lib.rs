@@ -77,7 +77,6 @@ enum Verb {
     Check(check::CheckArgs),
 }
 
-/// The command line.
 fn program() -> Command {
     commands::prepare(Verb::command())
 }

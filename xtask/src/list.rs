@@ -17,7 +17,6 @@ pub struct ListArgs {
     pub what: What,
 }
 
-/// What is listed.
 #[derive(clap::Subcommand, Clone, Debug)]
 pub enum What {
     /// Robots that are built in; the path of any .urdf, or of a cable's .toml, names one, too

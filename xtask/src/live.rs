@@ -30,9 +30,9 @@ pub struct LiveArgs {
 pub fn run(args: LiveArgs) -> Result<()> {
     let world = World::of(Menu::new(args.robot.as_deref(), args.scene.as_deref(), args.policy.as_deref(), &args.model)?)?;
     for folder in args.model {
-        Setting::Neural(folder).solver(world.system())?;
+        Setting::Neural(folder).solver(&world.system)?;
     }
-    let title = world.title().to_string();
+    let title = world.title.clone();
     let live = Live::serve(world, args.port as u16)?;
     say!("{title}: open {} (Ctrl-C ends it)", live.address());
     loop {

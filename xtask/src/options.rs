@@ -12,11 +12,9 @@ use serde_json::Value;
 pub use nerd_train::bounds::{FRAMES, SEEDS, STARTS, SUBSTEPS, TRANSITIONS};
 pub use nerd_train::settings::Values::{Number, Positive, Whole};
 
-/// Words for a device.
 pub const DEVICES: &[&str] = &["cpu", "cuda"];
 /// And of a model: on the second its products are in f16 where one kernel computes its network, on the third nowhere.
 pub const MODELS: &[&str] = &["cpu", "cuda", "cuda-f32"];
-/// Words for a truth.
 pub const TRUTHS: &[&str] = &["articulated", "paper", "rapier"];
 
 /// An option's value, checked as a setting is.
@@ -24,12 +22,10 @@ pub fn value<T: DeserializeOwned>(values: Values) -> impl Fn(&str) -> Result<T, 
     move |text| serde_json::from_value(values.parse(text)?).map_err(|e| e.to_string())
 }
 
-/// One of some words.
 pub fn word<T: DeserializeOwned + Clone + Send + Sync + 'static>(words: &'static [&'static str]) -> impl TypedValueParser<Value = T> {
     PossibleValuesParser::new(words).try_map(|word| serde_json::from_value::<T>(word.into()))
 }
 
-/// Options for keys.
 pub fn arguments(keys: Vec<&'static Key>, defaults: &Given) -> Vec<Arg> {
     let option = |key: &'static Key| {
         let name = key.name();
@@ -56,7 +52,6 @@ pub fn given(keys: Vec<&'static Key>, matches: &ArgMatches) -> Given {
     keys.into_iter().filter_map(one).collect()
 }
 
-/// Settings that a command line gave.
 #[derive(Clone, Debug)]
 pub struct Keys<T> {
     pub given: Given,
@@ -64,7 +59,6 @@ pub struct Keys<T> {
 }
 
 impl<T: Settings> Keys<T> {
-    /// The settings with them.
     pub fn settings(&self) -> Result<T> {
         T::default().with(&self.given).map_err(Error::msg)
     }

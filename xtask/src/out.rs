@@ -34,7 +34,6 @@ pub fn table(table: &Table) {
     }
 }
 
-/// Tables, one below the other.
 pub fn tables(tables: &[Table]) {
     tables.iter().for_each(table);
 }
@@ -46,7 +45,6 @@ pub fn conduct(experiment: &dyn Experiment, out: &Path) -> Result<Artifact> {
     Ok(artifact)
 }
 
-/// Writes a replay as a page.
 pub fn replay(path: &Path, replay: &Replay) -> Result<()> {
     nerd_lab::report::write(path, replay.html().as_bytes())?;
     tell!("replay written to {}", path.display());

@@ -15,7 +15,6 @@ pub struct ResultsArgs {
     pub part: Option<Part>,
 }
 
-/// What is done.
 #[derive(clap::Subcommand, Clone, Debug)]
 pub enum Part {
     /// End with an error unless every result holds, every shipped model is five times better than its base alone and a linear map, and

@@ -19,7 +19,6 @@ pub struct Derivatives {
     pub qd: DMatrix<f64>,
 }
 
-/// A DoF of a link.
 struct Column {
     dof: usize,
     link: usize,

@@ -88,9 +88,6 @@ impl Data {
     }
 
     /// Derivatives of [`Data::forward_dynamics`] by `q` and `qd`, at fixed `tau`; that by `tau` is the inverse of the mass matrix.
-    ///
-    /// # Errors
-    /// As [`Data::forward_dynamics`].
     pub fn forward_derivatives(
         &mut self,
         robot: &Robot,

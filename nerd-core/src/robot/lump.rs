@@ -123,14 +123,12 @@ pub(super) fn joint(source: &urdf_rs::Joint, origin: Isometry3<f64>, notes: &mut
     Ok(joint)
 }
 
-/// A joint's axis in its frame.
 pub(super) fn axis(source: &urdf_rs::Joint) -> Result<Unit<Vector3<f64>>, UrdfError> {
     let axis = Vector3::from(*source.axis.xyz);
     let usable = (1e-9..1e9).contains(&axis.norm());
     Unit::try_new(axis, 0.0).filter(|_| usable).ok_or_else(|| UrdfError::joint(&source.name, "axis has no direction or is not finite"))
 }
 
-/// A joint's damping and dry friction.
 pub(super) fn losses(source: &urdf_rs::Joint) -> Result<(f64, f64), UrdfError> {
     let Some(dynamics) = &source.dynamics else { return Ok((0.0, 0.0)) };
     for (what, value) in [("damping", dynamics.damping), ("friction", dynamics.friction)] {

@@ -2,7 +2,6 @@
 
 use crate::prelude::*;
 
-/// How many names an error lists.
 const LISTED: usize = 10;
 
 /// A robot has no part of this name.

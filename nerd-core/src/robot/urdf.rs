@@ -32,18 +32,12 @@ impl Robot {
 
 impl UrdfRobot {
     /// Reads a robot as [`Robot::from_urdf`] does, and keeps what was taken for granted.
-    ///
-    /// # Errors
-    /// As [`Robot::from_urdf`].
     pub fn read(xml: &str, base: Base) -> Result<Self, UrdfError> {
         Self::of(&parsed(xml)?, base)
     }
 
     /// The same from a URDF that nothing will be added to: a joint that carries no mass has no dynamics, and is fixed at zero. Its links
     /// become frames, and a note names it.
-    ///
-    /// # Errors
-    /// As [`Robot::from_urdf`].
     pub fn read_alone(xml: &str, base: Base) -> Result<Self, UrdfError> {
         let mut file = parsed(xml)?;
         let read = Self::of(&file, base)?;

@@ -20,7 +20,6 @@ const ATTRIBUTES: [(&str, &[&str]); 15] = [
     ("joint", &["name", "type"]),
 ];
 
-/// Child elements that matter.
 const CHILDREN: [(&str, &[&str]); 5] = [
     ("robot", &["link", "joint", "material", "gazebo", "transmission", "sensor", "group"]),
     ("link", &["inertial", "collision", "visual", "contact", "sensor", "gazebo", "self_collision"]),

@@ -14,7 +14,6 @@ const UNREAD: [&str; 5] = ["material", "visual", "safety_controller", "calibrati
 /// An element on the way from the root.
 struct Open {
     name: String,
-    /// Its attribute `name`.
     own: String,
     children: Vec<String>,
 }

@@ -72,7 +72,6 @@ pub fn following(rng: &mut Rng, robot: &Robot) -> Robot {
     robot
 }
 
-/// Random coordinates and local velocities.
 pub fn state(rng: &mut Rng, robot: &Robot) -> (Vec<f64>, LocalVelocity<Vec<f64>>) {
     let mut q = values(rng, robot.nq(), 2.0);
     if robot.floating() {
@@ -90,7 +89,6 @@ pub fn robots() -> impl Iterator<Item = (Robot, Rng)> {
     })
 }
 
-/// Random wrenches on every link.
 pub fn push(rng: &mut Rng, data: &mut Data) {
     data.external.iter_mut().for_each(|w| *w = Wrench::new(vector3(rng, 5.0), vector3(rng, 5.0)));
 }
@@ -142,7 +140,6 @@ pub fn link(name: &str) -> String {
     format!(r#"<link name="{name}"><inertial><mass value="1"/>{inertia}</inertial></link>"#)
 }
 
-/// `<joint>` with whatever else is in it.
 pub fn joint(name: &str, kind: &str, parent: &str, child: &str, inner: &str) -> String {
     format!(r#"<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{inner}</joint>"#)
 }

@@ -40,7 +40,6 @@ pub struct Row {
     pub of: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model: Option<String>,
-    /// By the frames shown.
     pub reports: Vec<PassiveReport>,
     /// Of a frame of one robot, all solvers on as many threads as there are.
     pub microseconds: f64,

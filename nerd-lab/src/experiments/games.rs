@@ -10,7 +10,6 @@ pub struct Reward {
     pub mean: f64,
     /// Standard deviation of a game's.
     pub spread: f64,
-    /// Standard error of the mean.
     #[serde(default)]
     pub standard_error: f64,
     /// Mean length (steps).
@@ -18,7 +17,6 @@ pub struct Reward {
     /// Share of games that succeeded ([`Game::miss`]); none of a task that does not speak of success.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub success: Option<f64>,
-    /// Mean of their misses.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub miss: Option<f64>,
 }
@@ -42,7 +40,6 @@ pub struct Compared {
     pub learned: Option<Reward>,
     /// [`gap`] (percent); none where the truth gives nothing.
     pub gap: Option<f64>,
-    /// Its standard error.
     #[serde(default)]
     pub gap_error: Option<f64>,
 }
@@ -86,7 +83,6 @@ pub fn truth_on(device: Device) -> Result<Arena> {
     Ok(Arena::Truth(Truth::Articulated))
 }
 
-/// What an arena's motions depend on.
 pub fn input_of(task: &str, arena: &Arena) -> Result<Input> {
     let setting = match arena {
         Arena::Model { folder, .. } | Arena::Guess(Guess { folder, .. }) => return Input::model(folder),

@@ -28,7 +28,6 @@ impl Act {
         }
     }
 
-    /// Seconds of a step.
     pub(super) fn seconds(&self) -> f64 {
         let frames = if let Self::Policy(played) = self { played.0.task.frames() } else { 1 };
         self.simulation().batch.system.frame_time * frames as f64

@@ -46,7 +46,6 @@ pub enum Ask {
 const FAR: f64 = 1e3;
 
 impl Ask {
-    /// Reads one, and refuses numbers out of range.
     pub fn read(text: &str) -> Result<Self, String> {
         let ask: Self = serde_json::from_str(text).map_err(|e| e.to_string())?;
         match &ask {

@@ -7,7 +7,6 @@ use rayon::prelude::*;
 
 use crate::prelude::*;
 
-/// A link as a line.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Stick {
     hue: f64,

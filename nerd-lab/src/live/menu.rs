@@ -7,28 +7,21 @@ use nerd_train::ppo::{Actor, Running, folder};
 use super::act::Act;
 use crate::{prelude::*, roll::begun};
 
-/// Most environments at once.
 pub const MOST: usize = 4096;
 
 /// What can be shown, and what is: places in its lists.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Menu {
-    /// Robots by name or path.
     pub robots: Vec<String>,
-    /// Scenes of the robot that is shown.
     pub scenes: Vec<String>,
-    /// Folders of policies.
     pub policies: Vec<PathBuf>,
     /// Folders of models, beside that of `models/ROBOT`.
     #[serde(skip)]
     pub models: Vec<PathBuf>,
-    /// The robot.
     pub robot: usize,
-    /// Its scene.
     pub scene: Option<usize>,
     /// The policy that moves it in a task's scene, from 1.
     pub policy: usize,
-    /// Environments.
     pub envs: usize,
 }
 
@@ -39,7 +32,6 @@ fn scenes(system: &System) -> Vec<String> {
     system.scene_names().into_iter().chain(worlds).map(String::from).collect()
 }
 
-/// What was made of a choice.
 pub(super) struct Made {
     pub title: String,
     pub act: Act,
@@ -49,9 +41,6 @@ pub(super) struct Made {
 impl Menu {
     /// All that comes with the project, and these: a robot, or a policy in its task. The scene is `ground`, or what the robot has first, where none
     /// is named.
-    ///
-    /// # Errors
-    /// If there is no such robot or scene.
     pub fn new(robot: Option<&str>, scene: Option<&str>, policy: Option<&Path>, models: &[PathBuf]) -> Result<Self> {
         let mut robots: Vec<String> = [System::built_in(), System::cables()].concat().into_iter().map(String::from).collect();
         let mut policies = shipped::policies("")?;

@@ -11,7 +11,6 @@ use super::ask::Ask;
 use super::world::World;
 use crate::prelude::*;
 
-/// Threads that answer.
 const THREADS: usize = 4;
 /// Asks that wait at most; more are turned away.
 const WAITING: usize = 64;
@@ -21,14 +20,12 @@ const LONGEST: usize = 1024;
 const PAGE: &str = include_str!("live.html");
 const LIVE: &str = include_str!("live.js");
 
-/// A world that is served.
 pub struct Live {
     server: Arc<Server>,
     asks: SyncSender<Ask>,
     shown: Arc<RwLock<Face>>,
 }
 
-/// What visitors may get.
 #[derive(Clone, Default)]
 struct Face {
     page: Arc<[u8]>,
@@ -38,7 +35,7 @@ struct Face {
 
 impl Face {
     fn new(world: &mut World) -> Self {
-        let (title, data) = (escape(world.title()), script(&world.page()));
+        let (title, data) = (escape(&world.title), script(&world.page()));
         let page = fill(PAGE, &[("TITLE", &title), ("PAINTER", SCRIPT), ("LIVE", LIVE), ("DATA", &data)]);
         Self { page: page.into_bytes().into(), ..Self::default() }.now(world)
     }
@@ -52,9 +49,6 @@ impl Face {
 
 impl Live {
     /// Serves a world at a port of this machine (0: any that is free), and steps it in real time.
-    ///
-    /// # Errors
-    /// If the port is taken.
     pub fn serve(mut world: World, port: u16) -> Result<Self> {
         let server = Server::http(("127.0.0.1", port)).map_err(|e| anyhow::anyhow!("--port {port}: {e}; name another"))?;
         let shown = Arc::new(RwLock::new(Face::new(&mut world)));
@@ -68,7 +62,6 @@ impl Live {
         Ok(live)
     }
 
-    /// Where it is.
     pub fn address(&self) -> String {
         format!("http://{}", self.server.server_addr())
     }
@@ -158,10 +151,10 @@ fn reply(request: &mut Request, asks: &SyncSender<Ask>, shown: &RwLock<Face>) ->
 fn run(mut world: World, asked: &Receiver<Ask>, shown: &RwLock<Face>) {
     let mut next = Instant::now();
     loop {
-        let (pace, number) = (Duration::from_secs_f64(world.pace()), world.number());
+        let (pace, number) = (Duration::from_secs_f64(world.pace()), world.number);
         let left = next.saturating_duration_since(Instant::now());
         if left.is_zero() {
-            if !world.paused() {
+            if !world.paused {
                 world.step();
             }
             next = (next + pace).max(Instant::now());
@@ -174,7 +167,7 @@ fn run(mut world: World, asked: &Receiver<Ask>, shown: &RwLock<Face>) {
             Err(RecvTimeoutError::Timeout) => continue,
         }
         let old = shown.read().unwrap_or_else(PoisonError::into_inner).clone();
-        let new = if number == world.number() { old.now(&world) } else { Face::new(&mut world) };
+        let new = if number == world.number { old.now(&world) } else { Face::new(&mut world) };
         *shown.write().unwrap_or_else(PoisonError::into_inner) = new;
     }
 }

@@ -12,13 +12,13 @@ use crate::prelude::*;
 
 /// What is shown, and does as it is asked.
 pub struct World {
-    title: String,
+    pub title: String,
     menu: Menu,
     /// Worlds before this one.
-    number: usize,
+    pub number: usize,
     act: Act,
     /// As it was read: solvers are made for it, whatever friction it has now.
-    system: Arc<System>,
+    pub system: Arc<System>,
     start: Vec<f64>,
     settings: Vec<Setting>,
     solver: usize,
@@ -28,7 +28,7 @@ pub struct World {
     controller: Controller,
     sticks: Vec<Stick>,
     hold: bool,
-    paused: bool,
+    pub paused: bool,
     hand: Option<Hand>,
     frame: u64,
     /// Microseconds of the last frame: of the solver, of the ghost.
@@ -36,12 +36,10 @@ pub struct World {
     trouble: String,
 }
 
-/// The latest frame, for the page.
 #[derive(Clone, Debug, Serialize)]
 pub struct Shown {
     /// Which world it is of: after a choice the page is another one.
     pub number: usize,
-    /// Frames since the start.
     pub frame: u64,
     /// Poses by link: of the first robot, and of its ghost if there is one.
     pub tracks: Vec<Vec<[f32; 7]>>,
@@ -51,11 +49,9 @@ pub struct Shown {
     pub cost: [f64; 2],
     /// Place of the solver in the list.
     pub solver: usize,
-    /// Its name.
     pub name: String,
     /// Its substeps, if they can be chosen.
     pub substeps: Option<usize>,
-    /// Whether it stands still.
     pub paused: bool,
     /// Whether joints without a policy hold the rest pose.
     pub hold: bool,
@@ -64,19 +60,12 @@ pub struct Shown {
 }
 
 impl World {
-    /// What is chosen in a menu.
-    ///
-    /// # Errors
-    /// If it cannot be made.
     pub fn of(mut menu: Menu) -> Result<Self> {
         let Made { title, act, settings } = menu.make()?;
         Ok(Self { menu, ..Self::new(&title, act, settings)? })
     }
 
     /// A world without a menu that begins with the first of `settings`.
-    ///
-    /// # Errors
-    /// If that solver cannot be made.
     pub fn new(title: &str, mut act: Act, settings: Vec<Setting>) -> Result<Self> {
         let simulation = act.simulation_mut();
         let system = simulation.batch.system.clone();
@@ -105,21 +94,6 @@ impl World {
         })
     }
 
-    /// Its robot.
-    pub fn system(&self) -> &Arc<System> {
-        &self.system
-    }
-
-    /// What is on show, in a line.
-    pub fn title(&self) -> &str {
-        &self.title
-    }
-
-    /// How many worlds were on show before.
-    pub fn number(&self) -> usize {
-        self.number
-    }
-
     /// Seconds from one look to the next: a frame, or a policy's step.
     pub fn pace(&self) -> f64 {
         self.act.seconds()
@@ -138,11 +112,6 @@ impl World {
             "robot": robot, "sticks": self.sticks, "solvers": solvers.collect::<Vec<_>>(), "menu": self.menu, "number": self.number,
             "friction": batch.system.spec.material.friction, "gravity": batch.scenes[0].gravity.norm(),
         })
-    }
-
-    /// Whether it stands still.
-    pub fn paused(&self) -> bool {
-        self.paused
     }
 
     /// Does what is asked; what cannot be done is said in [`Shown::trouble`].
@@ -281,7 +250,6 @@ impl World {
         ends(&self.act.simulation().batch, &self.sticks)
     }
 
-    /// As it is now.
     pub fn shown(&self) -> Shown {
         let batch = &self.act.simulation().batch;
         let apart = self.ghost.as_ref().map(|ghost| {

@@ -13,9 +13,6 @@ use crate::prelude::*;
 /// Largest difference of accelerations over `count` random states, of the largest acceleration of its state. Contact, limits, dry friction and
 /// actuators are off; joints that follow others follow them in MuJoCo, too, which is asked along our coordinates. A URDF is written as MJCF
 /// first.
-///
-/// # Errors
-/// If either engine refuses the file, or they do not count the same joints.
 pub fn apart(python: &Path, path: &Path, count: u64) -> Result<f64> {
     let system = System::named(&path.display().to_string())?;
     let robot = &system.robot;

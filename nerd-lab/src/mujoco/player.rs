@@ -18,10 +18,8 @@ const SUBSTEPS: usize = 8;
 
 const PLAYER: &str = include_str!("player.py");
 
-/// What came of it.
 #[derive(Clone, Debug, Default)]
 pub struct Played {
-    /// MuJoCo and the runtime.
     pub versions: String,
     pub games: Vec<Game>,
     /// Games that ended in a terminal state.
@@ -80,9 +78,6 @@ fn gap(ours: &[f64], theirs: &[f64]) -> f64 {
 }
 
 /// Plays one episode of each of `episodes`, of an analytic solver or none yet stepped, by the model in the file `onnx`; they begin as they do.
-///
-/// # Errors
-/// If a number of the contract is not known, the robot cannot be written as MJCF, or the Python has no MuJoCo, numpy or onnxruntime.
 pub fn play(python: &Path, onnx: &Path, contract: &Contract, policy: &Policy, mut episodes: Episodes) -> Result<Played> {
     if let Some(unknown) = contract.unknown().first() {
         bail!("a policy of `{}` cannot be played by its contract alone: {unknown}", contract.task);

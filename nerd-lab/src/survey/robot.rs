@@ -17,7 +17,6 @@ pub struct Surveyed {
     pub sizes: Option<Sizes>,
     /// Whether it moves on a fixed base: substeps a frame, 0 where it has nothing to move, or why not.
     pub fixed: Result<usize, String>,
-    /// The same on a free base.
     pub floating: Result<usize, String>,
     /// What was taken for granted, on the first of them.
     pub(super) notes: Vec<String>,
@@ -25,13 +24,11 @@ pub struct Surveyed {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sizes {
-    /// Links that move.
     pub links: usize,
     /// Joints, of one degree of freedom each.
     pub joints: usize,
     /// kg.
     pub mass: f64,
-    /// Meshes that were passed over.
     pub meshes: usize,
 }
 

@@ -23,7 +23,6 @@ fn set_down(system: &System) -> Vec<f64> {
     state
 }
 
-/// One line, whatever comes of it.
 pub fn verdict(system: &Arc<System>, seconds: f64) -> String {
     tried(system, seconds).unwrap_or_else(|reason| format!("{seconds} s of simulation end early: {reason}"))
 }

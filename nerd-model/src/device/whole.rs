@@ -11,7 +11,6 @@ use crate::program::{Op, Program, Step};
 
 /// Shared bytes that every device gives without asking.
 const SHARED: usize = 48 << 10;
-/// Most warps of a block.
 const MOST_WARPS: usize = 8;
 
 /// Arithmetic of the products.

@@ -126,7 +126,6 @@ fn short(hash: &str) -> &str {
     hash.get(..12).unwrap_or(hash)
 }
 
-/// Refuses moments that cannot be.
 fn check(moments: &Moments, width: usize) -> Result<(), String> {
     let Moments { mean, variance, epsilon } = moments;
     within("`epsilon`", *epsilon, 1e-30..=1.0, "")?;

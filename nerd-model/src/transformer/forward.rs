@@ -42,7 +42,6 @@ pub(crate) fn check(config: &TransformerConfig, inputs: &[f32], tokens: usize, l
     Err(ForwardError { message })
 }
 
-/// Rows (tokens) of a block.
 pub(super) const ROWS: usize = 512;
 
 /// Even blocks of `n` things, of at most so many, and as many blocks as keep every thread busy.

@@ -28,7 +28,6 @@ struct Network {
     ring: usize,
 }
 
-/// What is remembered of an environment.
 struct Env {
     /// Tokens since it was cleared.
     taken: usize,
@@ -38,7 +37,6 @@ struct Env {
     past: Vec<f32>,
 }
 
-/// What one thread computes.
 #[derive(Default)]
 struct Work {
     memory: Memory,

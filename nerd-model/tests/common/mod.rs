@@ -9,7 +9,6 @@ use nerd_model::transformer::{Architecture, Positions, TransformerConfig, Weight
 use nerd_model::{base::Base, features::Features, form::Form, form::View};
 use nerd_sim::prelude::*;
 
-/// Windows and streams.
 pub const POSITIONS: [Positions; 2] = [Positions::Table, Positions::Rotary];
 
 /// A model of `system` whose predictions are added to `base`; none of it is learned.
@@ -60,7 +59,6 @@ pub fn unlearned(system: &System, form: impl Into<Form>, network: TransformerCon
     Model { config, normalizer, weights }
 }
 
-/// Largest |difference|.
 pub fn gap(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }

@@ -24,7 +24,6 @@ pub fn along(robot: &Robot) -> bool {
     springs >= CHAIN || depths.iter().map(|d| d * d).sum::<usize>() >= DEEP * robot.nv()
 }
 
-/// Working memory.
 pub(super) struct Tree {
     factor: TreeFactor,
     /// What resists beside the inertias of links, and beside those of joints.

@@ -37,7 +37,6 @@ pub enum Friction {
     Huber,
 }
 
-/// What a frame is told.
 pub(super) struct Settings {
     pub(super) config: ArticulatedConfig,
     /// Change of a drag, relative, that asks for no other solve of a frame's one substep, and solves at most: see `kick.rs`.
@@ -123,9 +122,6 @@ impl ArticulatedConfig {
     }
 
     /// Refuses numbers of substeps that would do nothing, or never end.
-    ///
-    /// # Errors
-    /// Which one, and what is needed.
     pub fn check(&self) -> Result<(), String> {
         for (key, n) in [("substeps", self.substeps), ("contact_substeps", self.contact_substeps)] {
             within(format_args!("articulated: {key}"), n as f64, 1.0..=MOST_SUBSTEPS as f64, "")?;

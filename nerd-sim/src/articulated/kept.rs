@@ -5,10 +5,8 @@ use nerd_core::dynamics::Factor;
 use super::{touch::Touch, touches::Touches};
 use crate::prelude::*;
 
-/// Of a frame.
 #[derive(Default)]
 pub(super) struct Kept {
-    /// Implicit substeps.
     pub(super) steps: Vec<Step>,
     /// Those of the substep that is solved now.
     pub(super) stages: Vec<Stage>,
@@ -26,7 +24,6 @@ pub(super) struct Flown {
     pub(super) factor: Factor,
 }
 
-/// An implicit substep.
 pub(super) struct Step {
     pub(super) h: f64,
     /// Coordinates in its middle, and local velocities at its start.
@@ -54,7 +51,6 @@ pub(super) struct Stage {
 }
 
 impl Kept {
-    /// A frame begins, or begins again.
     pub(super) fn begin(&mut self) {
         self.steps.clear();
         self.stages.clear();
@@ -76,7 +72,6 @@ impl Kept {
         self.flights += 1;
     }
 
-    /// The stages of this frame.
     pub(super) fn flights(&self) -> &[Flown] {
         &self.flown[..self.flights]
     }

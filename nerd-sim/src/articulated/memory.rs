@@ -6,9 +6,7 @@ use nerd_core::dynamics::Adjoint;
 use super::kept::Kept;
 use crate::prelude::*;
 
-/// Working memory of the way back.
 pub(super) struct Memory {
-    /// For the next frame.
     pub(super) kept: Kept,
     pub(super) adjoint: Adjoint,
     /// Twists of links at a substep's start, and what accelerations do to them.

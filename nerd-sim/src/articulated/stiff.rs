@@ -48,7 +48,6 @@ impl Bounds {
     }
 }
 
-/// Working memory of a robot.
 pub(super) struct Stiff {
     pub(super) bounds: Arc<Bounds>,
     /// Whether the dampers of this frame were looked at.
@@ -79,7 +78,6 @@ impl Stiff {
         }
     }
 
-    /// A frame begins.
     pub(super) fn begin(&mut self) {
         (self.looked, self.soft) = (false, None);
         self.weights.fill(None);
@@ -91,13 +89,11 @@ impl Stiff {
         h * drag * self.bounds.ease[point] > MOST_DRAG
     }
 
-    /// A substep begins.
     #[inline]
     pub(super) fn clear(&mut self) {
         self.acting.clear();
     }
 
-    /// Joint `i` is beyond its limit.
     #[inline]
     pub(super) fn beyond(&mut self, i: usize, limit: &Limit, h: f64) {
         self.acting.push((i, stiffness(limit, h)));

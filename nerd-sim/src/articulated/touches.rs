@@ -5,7 +5,6 @@ use nalgebra::DMatrix;
 use super::{along::Tree, touch::Touch};
 use crate::prelude::*;
 
-/// Working memory.
 #[derive(Default)]
 pub(super) struct Touches {
     pub(super) touches: Vec<Touch>,
@@ -33,7 +32,6 @@ pub(super) struct Touches {
     pub(super) middle: Vec<f64>,
     pub(super) rate: Vec<f64>,
     pub(super) right: Vec<f64>,
-    /// Coordinates before the substep.
     pub(super) before: Vec<f64>,
 }
 

@@ -69,7 +69,6 @@ pub fn thinned(trials: &[Trial], most: usize) -> Vec<Trial> {
     trials.iter().step_by(trials.len().div_ceil(most.max(1)).max(1)).cloned().collect()
 }
 
-/// One search over all its trials.
 struct Search<'a> {
     subject: &'a Subject,
     parameters: &'a [Parameter],

@@ -68,7 +68,6 @@ pub struct Parameter {
     pub(super) what: What,
 }
 
-/// What a parameter changes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum What {
     Mass(usize),
@@ -233,7 +232,6 @@ impl Parameter {
     }
 }
 
-/// What values cost together.
 pub(super) fn pull(parameters: &[Parameter], values: &[f64]) -> f64 {
     parameters.iter().zip(values).map(|(p, v)| p.pull(*v)[0]).sum()
 }

@@ -37,7 +37,6 @@ pub struct Distance {
 }
 
 impl Distance {
-    /// What an objective is made of.
     pub(super) fn parts(&self) -> [f64; 3] {
         [self.position, self.rotation, self.joints]
     }

@@ -8,10 +8,8 @@ use crate::{arrays::Arrays, internal::*};
 /// Largest number that is taken for a measurement, in SI units; of times since some epoch, too.
 const MOST: f64 = 1e11;
 
-/// What one row says.
 #[derive(Clone, Debug)]
 pub(super) struct Moment {
-    /// Where it is in its file.
     pub place: Place,
     /// Time (s); NaN where no column has it.
     pub time: f64,
@@ -27,9 +25,7 @@ pub(super) struct Moment {
 /// A run of rows of one name.
 #[derive(Clone, Debug)]
 pub(super) struct Raw {
-    /// Its name.
     pub id: u64,
-    /// Its rows, in order of time.
     pub moments: Vec<Moment>,
 }
 
@@ -74,7 +70,6 @@ pub fn specified(path: &Path) -> Result<(LogSpec, Arc<System>), LogError> {
     }
 }
 
-/// All columns that a file names.
 fn columns(spec: &LogSpec) -> Vec<&String> {
     let root = spec.root.iter().flat_map(|r| {
         let rates = r.velocity.iter().chain(&r.angular).flatten();

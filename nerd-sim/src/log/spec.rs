@@ -100,7 +100,6 @@ fn unit<'de, D: Deserializer<'de>, const KIND: usize>(from: D) -> Result<f64, D:
     found.ok_or_else(|| D::Error::custom(format!("unknown unit `{name}`, choose from {}", names())))
 }
 
-/// Columns of a floating root.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct RootColumns {
@@ -113,7 +112,6 @@ pub(super) struct RootColumns {
     pub axes: Axes,
 }
 
-/// Order of a quaternion's four numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum Order {
@@ -140,7 +138,6 @@ pub(super) enum Axes {
     Body,
 }
 
-/// Columns of a joint.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct JointColumns {

@@ -153,7 +153,6 @@ fn between(robot: &Robot, a: &Moment, b: &Moment, time: f64) -> Moment {
     Moment { place: a.place, time, q, qd: mix(&a.qd, &b.qd), torques: a.torques.clone() }
 }
 
-/// One state a frame.
 pub(super) fn states(system: &System, raw: Vec<Raw>, notes: &mut Vec<String>) -> Vec<Trajectory> {
     let (robot, frame) = (&system.robot, system.frame_time);
     let (mut differences, mut resampled, total) = (0, Vec::new(), raw.len());

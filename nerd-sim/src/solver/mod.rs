@@ -77,9 +77,6 @@ pub trait Solver: Send {
 
     /// The frame to first order: [`Self::back`] with the rows of an identity, so `states` has the matrix A of every environment,
     /// `[2 nv][2 nv]`, and `torques` its B, `[2 nv][joint]`. [`Slopes::forward`] multiplies them with a direction.
-    ///
-    /// # Errors
-    /// As [`Self::back`].
     fn linearise(&mut self, batch: &Batch, torques: &[f64]) -> Result<Slopes, StepError> {
         let size = 2 * batch.system.robot.nv();
         let identity: Vec<f64> = (0..size * size).map(|k| f64::from(u8::from(k % (size + 1) == 0))).collect();
@@ -92,6 +89,20 @@ pub trait Solver: Send {
         None
     }
 }
+
+/// What a [`Solver`] around its field `solver` says of that.
+macro_rules! around {
+    () => {
+        fn inner(&self) -> Option<&dyn Solver> {
+            Some(&self.solver)
+        }
+
+        fn inner_mut(&mut self) -> Option<&mut dyn Solver> {
+            Some(&mut self.solver)
+        }
+    };
+}
+pub(crate) use around;
 
 impl Solver for Box<dyn Solver + '_> {
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
@@ -145,9 +156,6 @@ impl Simulation {
     }
 
     /// Makes environment `to` a copy of `from`, with what the solver remembers of it: under the same torques both go on alike.
-    ///
-    /// # Errors
-    /// As [`Solver::remembered`].
     ///
     /// # Panics
     /// If there is no such environment.

@@ -12,7 +12,6 @@ use crate::prelude::*;
 
 /// Working memory that advances one environment at a time by one frame; nothing in it outlives a frame.
 pub(crate) trait Frame: Send + Sized {
-    /// Settings of the solver.
     type Config: Sync;
     /// What is computed of a robot's numbers, once.
     type Prepared: Send + Sync;
@@ -140,7 +139,6 @@ impl<F: Frame> Parallel<F> {
         finish(batch, &mut self.next, self.faults.get_mut().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// See [`crate::solver::Solver::back`].
     pub(crate) fn back(
         &mut self,
         config: &F::Config,

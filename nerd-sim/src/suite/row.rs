@@ -23,7 +23,6 @@ pub struct Row {
     pub why: &'static str,
     /// Largest figure that passes; up to ten times as much is degraded.
     pub limit: f64,
-    /// Measures.
     measure: Measure,
 }
 

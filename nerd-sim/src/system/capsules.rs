@@ -28,13 +28,11 @@ pub(crate) struct Capsule {
     pub(crate) radius: f64,
 }
 
-/// Where two capsules meet.
 pub(crate) struct Meeting {
     /// Distance of their surfaces (m), negative inside.
     pub(crate) gap: f64,
     /// Gradient of the gap when the first moves, a unit vector but for the barrel's share.
     pub(crate) normal: Vector3<f64>,
-    /// The place between the two.
     pub(crate) place: Vector3<f64>,
 }
 

@@ -16,13 +16,11 @@ const TOUCHING: f64 = 1e-3;
 /// What of a robot may touch itself. Nothing, by default.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Folds {
-    /// Capsules, link by link.
     pub(crate) capsules: Vec<Capsule>,
     /// By link, which of them are its own.
     pub(crate) own: Vec<Range<usize>>,
     /// By link, centre (m, link frame) and radius (m) of a ball about them.
     pub(crate) balls: Vec<(Vector3<f64>, f64)>,
-    /// Links that may touch each other.
     pub(crate) pairs: Vec<[usize; 2]>,
 }
 
@@ -61,7 +59,6 @@ impl Folds {
         (folds, note)
     }
 
-    /// Whether no two links may touch.
     pub(crate) fn is_empty(&self) -> bool {
         self.pairs.is_empty()
     }
@@ -78,7 +75,6 @@ impl Folds {
         gaps.fold(f64::INFINITY, f64::min)
     }
 
-    /// All lengths times `factor`.
     #[cfg(feature = "calibrate")]
     pub(crate) fn scale(&mut self, factor: f64) {
         for c in &mut self.capsules {

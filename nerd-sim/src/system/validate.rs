@@ -17,7 +17,6 @@ const WIDE: f64 = 1e6;
 const FAST: f64 = 1e6;
 /// Largest force, stiffness or damping in its unit.
 const STRONG: f64 = 1e9;
-/// Most vertices of a contact point.
 const MOST_VERTICES: usize = 10_000;
 /// Columns of the tables of trajectories that no coordinate may be called.
 pub(crate) const RESERVED: [&str; 2] = ["traj", "step"];

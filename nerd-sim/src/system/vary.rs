@@ -96,7 +96,6 @@ impl VarySpec {
         ranges.chain(self.push_every.map(|every| format!("push_every {every} s"))).collect::<Vec<_>>().join(", ")
     }
 
-    /// Whether what sensors show has noise.
     pub(crate) fn noisy(&self) -> bool {
         [self.noise, self.root_noise, self.turn_noise].iter().any(Option::is_some)
     }

@@ -74,7 +74,6 @@ fn origin(shape: &Node<'_, '_>) -> Option<Isometry3<f64>> {
     Some(Isometry3::from_parts([x, y, z].into(), UnitQuaternion::from_euler_angles(roll, pitch, yaw)))
 }
 
-/// Hulls by file and scale.
 type Known = BTreeMap<String, Option<Geometry>>;
 
 fn geometry(shape: &Node, path: Option<&Path>, known: &mut Known) -> Option<Geometry> {

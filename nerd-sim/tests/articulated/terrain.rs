@@ -118,7 +118,6 @@ fn starts_stand_on_the_ground() {
     }
 }
 
-/// Of a free root's origin.
 fn root_velocity(robot: &Robot, state: &[f64]) -> Vector3<f64> {
     let (p, w, v) = (vector(&state[..3]), vector(&state[robot.nq()..][..3]), vector(&state[robot.nq() + 3..][..3]));
     v + w.cross(&p)

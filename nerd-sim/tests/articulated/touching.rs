@@ -10,7 +10,6 @@ use super::common::*;
 /// The material of [`Body`], too.
 const MATERIAL: Material = Material { stiffness: 1e4, damping: 100.0, friction_damping: 1e3, friction: 0.5 };
 
-/// A free body of 1 kg.
 fn body(shape: &str) -> Arc<System> {
     Body { shape: shape.into(), inertia: [0.01; 3], ..Default::default() }.system().expect("a body")
 }
@@ -123,7 +122,6 @@ fn a_buried_face_does_not_act() {
     assert_eq!(events.len(), 2, "{events:?}");
 }
 
-/// A cylinder on its side.
 fn side() -> UnitQuaternion<f64> {
     UnitQuaternion::from_axis_angle(&Vector3::x_axis(), FRAC_PI_2)
 }

@@ -38,7 +38,6 @@ pub fn batch(system: &Arc<System>, scene: &str, n: usize) -> Batch {
     Batch::new(system, &system.scene(scene).expect("a scene"), n)
 }
 
-/// One environment at a state.
 pub fn at(system: &Arc<System>, scene: &str, state: &[f64]) -> Batch {
     within(system, &system.scene(scene).expect("a scene"), state)
 }
@@ -97,7 +96,6 @@ pub fn collision([x, y, z]: [f64; 3], shape: &str) -> String {
     format!(r#"<collision><origin xyz="{x} {y} {z}"/><geometry>{shape}</geometry></collision>"#)
 }
 
-/// `<joint>` with whatever else is in it.
 pub fn joint(name: &str, kind: &str, [parent, child]: [&str; 2], inner: &str) -> String {
     format!(r#"<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{inner}</joint>"#)
 }

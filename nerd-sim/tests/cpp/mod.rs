@@ -77,7 +77,6 @@ impl Compiler {
     }
 }
 
-/// Numbers in the bytes of a buffer.
 pub fn bytes<T: Copy, const N: usize>(numbers: &[T], of: fn(T) -> [u8; N]) -> Vec<u8> {
     numbers.iter().flat_map(|x| of(*x)).collect()
 }

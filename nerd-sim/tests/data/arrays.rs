@@ -8,7 +8,6 @@ use safetensors::tensor::{Dtype, TensorView};
 use crate::common::{built_in, line};
 use crate::tossed::{Toss, cube, folder, header, text, tosses};
 
-/// A name, axes, numbers.
 type Array = (String, Vec<usize>, Vec<f64>);
 
 /// The columns of a CSV; an empty cell is NaN.

@@ -27,7 +27,6 @@ pub fn cube() -> Arc<System> {
     System::named(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/logs/cube.urdf")).expect("the sample's cube")
 }
 
-/// Tosses of so many frames.
 pub fn tosses(system: &Arc<System>, count: u64, frames: usize) -> Vec<Toss> {
     let toss = |id: u64| {
         let mut rng = stream(7, id);

@@ -19,7 +19,6 @@ fn start(system: &Arc<System>, scene: &str, n: usize) -> Batch {
     batch
 }
 
-/// Under torques that differ.
 fn driven(batch: &mut Batch, solver: &mut dyn Solver, frames: usize) {
     let torques: Vec<f64> = (0..batch.len() * batch.system.robot.joint_count()).map(|i| 20.0 * (i as f64).cos()).collect();
     (0..frames).for_each(|_| solver.step(batch, &torques).expect("finite"));

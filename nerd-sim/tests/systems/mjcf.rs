@@ -3,7 +3,6 @@
 use nerd_sim::mjcf::{mjcf, mjcf_of_our_contact};
 use nerd_sim::prelude::*;
 
-/// A robot in the world.
 fn robot(inside: &str) -> System {
     read(&format!("<mujoco><worldbody>{inside}</worldbody></mujoco>"))
 }

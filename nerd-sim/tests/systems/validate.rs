@@ -14,7 +14,6 @@ fn all() -> String {
     ])
 }
 
-/// Every key there is.
 const TOML: &str = r#"urdf = "all.urdf"
 floating = true
 frame_time = "1/60"

@@ -11,9 +11,6 @@ use crate::step::{CHUNK, StepResult, episode};
 impl Episodes {
     /// From here on, and at once in all environments, episodes go through their task's levels ([`crate::Task::levels`]), from the lowest: up after one
     /// that lasted and succeeded, down after one that ended before its time.
-    ///
-    /// # Errors
-    /// As [`Self::begin`].
     pub fn climb(&mut self) -> Result<(), StepError> {
         let Some((at, levels)) = self.task.levels() else { return Ok(()) };
         let width = self.task.goal_dim();
@@ -47,9 +44,6 @@ impl Episodes {
     }
 
     /// Begins the next episode in an environment, whatever its present one came to.
-    ///
-    /// # Errors
-    /// As [`Self::begin_at`].
     pub fn begin(&mut self, env: usize) -> Result<(), StepError> {
         self.begin_numbered(&[(env, self.begun[env] + 1)])
     }
@@ -88,9 +82,6 @@ impl Episodes {
 
     /// Begins episodes by environment and number, whatever the present ones came to: a present one from its start again, say.
     ///
-    /// # Errors
-    /// As [`Self::begin_at`].
-    ///
     /// # Panics
     /// If there is no such environment.
     pub fn begin_numbered(&mut self, episodes: &[(usize, u64)]) -> Result<(), StepError> {
@@ -104,9 +95,6 @@ impl Episodes {
     }
 
     /// Begins the first episodes of another seed.
-    ///
-    /// # Errors
-    /// As [`Self::begin_at`].
     pub fn seeded(&mut self, seed: u64) -> Result<(), StepError> {
         self.seed = seed;
         self.begin_numbered(&(0..self.len()).map(|env| (env, 1)).collect::<Vec<_>>())

@@ -16,7 +16,6 @@ const LONGEST: usize = 4096;
 const MOST: usize = 200_000;
 const DEEPEST: usize = 32;
 
-/// Numbers, and what they are of.
 #[derive(Clone, Debug)]
 pub(super) struct Value<'a> {
     pub numbers: Vec<Traced<'a>>,

@@ -6,7 +6,6 @@ use nerd_sim::prelude::*;
 use nerd_sim::{scene::TerrainSpec, system::SystemError};
 use serde::Deserialize;
 
-/// As it is written.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Keys {
@@ -97,7 +96,6 @@ fn one() -> u64 {
     1
 }
 
-/// One number, or several.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(untagged, expecting = "a range \"U(low, high)\" is needed, or a list of them")]
 pub(super) enum Command {

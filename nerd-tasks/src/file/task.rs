@@ -178,7 +178,6 @@ fn commands(keys: &Keys) -> Commands {
     (goal, places, place)
 }
 
-/// Refuses levels of nothing.
 fn levels(keys: &Keys) -> Result<(), String> {
     let Some(levels) = keys.levels else { return Ok(()) };
     let of = (keys.terrain.is_some(), keys.miss.is_some(), keys.command.contains_key("level"));

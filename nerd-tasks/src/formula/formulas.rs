@@ -11,9 +11,6 @@ pub trait Formulas: Send + Sync {
     fn about(&self) -> About;
 
     /// Its robot.
-    ///
-    /// # Errors
-    /// As [`System::named`].
     fn system(&self) -> Result<Arc<System>, SystemError> {
         System::named(self.about().robot)
     }

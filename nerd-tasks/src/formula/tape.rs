@@ -64,7 +64,6 @@ impl Tape {
         self.push(Node::Leaf(leaf), value)
     }
 
-    /// Keeps a list; its number.
     pub(crate) fn list(&self, numbers: &[Traced]) -> usize {
         let mut lists = self.lists.borrow_mut();
         lists.push(numbers.iter().map(|x| x.given()).collect());

@@ -11,41 +11,31 @@ use rand_chacha::ChaCha8Rng;
 use super::{Formulas, sight::Direct, text::written};
 use crate::{About, Slopes, Task, View, Work};
 
+/// What both traits say in the same words.
+macro_rules! alike {
+    ($($name:ident($($given:ident: $of:ty)?) -> $said:ty;)+) => { $(
+        fn $name(&self, $($given: $of)?) -> $said {
+            Formulas::$name(self, $($given)?)
+        }
+    )+ };
+}
+
 impl<F: Formulas> Task for F {
-    fn about(&self) -> About {
-        Formulas::about(self)
-    }
-
-    fn system(&self) -> Result<Arc<System>, SystemError> {
-        Formulas::system(self)
-    }
-
-    fn fit(&self, robot: Arc<System>) -> Result<Arc<System>, SystemError> {
-        Formulas::fit(self, robot)
-    }
-
-    fn text(&self) -> Option<&str> {
-        Formulas::text(self)
-    }
-
-    fn place(&self) -> bool {
-        Formulas::place(self)
+    alike! {
+        about() -> About;
+        system() -> Result<Arc<System>, SystemError>;
+        fit(robot: Arc<System>) -> Result<Arc<System>, SystemError>;
+        text() -> Option<&str>;
+        place() -> bool;
+        commands() -> Vec<(String, [f64; 2])>;
+        memory() -> usize;
+        levels() -> Option<(usize, usize)>;
+        terms() -> &[String];
+        allowed() -> (f64, &str);
     }
 
     fn goal_dim(&self) -> usize {
         self.goal().len() + Formulas::memory(self)
-    }
-
-    fn commands(&self) -> Vec<(String, [f64; 2])> {
-        Formulas::commands(self)
-    }
-
-    fn memory(&self) -> usize {
-        Formulas::memory(self)
-    }
-
-    fn levels(&self) -> Option<(usize, usize)> {
-        Formulas::levels(self)
     }
 
     fn draw_goal(&self, rng: &mut ChaCha8Rng, out: &mut [f64]) {
@@ -69,20 +59,12 @@ impl<F: Formulas> Task for F {
         Formulas::reward(self, &mut Direct::new(view, work), torques)
     }
 
-    fn terms(&self) -> &[String] {
-        Formulas::terms(self)
-    }
-
     fn rewards(&self, view: View, torques: &[f64], work: &mut Work) -> Vec<f64> {
         Formulas::rewards(self, &mut Direct::new(view, work), torques)
     }
 
     fn miss(&self, view: View, work: &mut Work) -> Option<f64> {
         Formulas::miss(self, &mut Direct::new(view, work))
-    }
-
-    fn allowed(&self) -> (f64, &str) {
-        Formulas::allowed(self)
     }
 
     fn terminated(&self, view: View, work: &mut Work) -> bool {
@@ -100,9 +82,6 @@ impl<F: Formulas> Task for F {
 
 /// What surrounds a solver in an episode, for scenes and robots of this reach: the kernels `task_act` and `task_judge`, and with `slopes`
 /// `task_arrive_back` and `task_acted_back` of the way back through steps. The text is plain C++, too, so that a test runs it where there is no card.
-///
-/// # Errors
-/// What of the robot's starts has no kernel; a formula that speaks of what there is not.
 fn program(task: &impl Formulas, system: &System, reach: Reach, slopes: bool) -> Result<String, String> {
     let (about, mut text) = (Formulas::about(task), episode(system, reach)?);
     let (level, levels) = Formulas::levels(task).unwrap_or_default();

@@ -78,7 +78,6 @@ struct Made {
     frames: Vec<u64>,
     begun: Vec<u64>,
     failed: u32,
-    /// What the step led to.
     reached: Vec<f64>,
 }
 
@@ -215,7 +214,6 @@ fn robots_of_a_family_are_the_same_in_kernels() {
     }
 }
 
-/// Speaks of what there is not.
 struct Astray;
 
 impl Formulas for Astray {

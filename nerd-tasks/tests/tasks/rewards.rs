@@ -40,7 +40,6 @@ impl Bench {
         out
     }
 
-    /// The default pose at rest.
     fn rest(&self) -> Vec<f64> {
         self.work.system.default_state()
     }

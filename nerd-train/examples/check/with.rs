@@ -20,7 +20,6 @@ pub use nerd_train::windows::{Windows, draw};
 
 pub type Outcome<T = ()> = Result<T, Box<dyn Error>>;
 
-/// What has been found so far.
 #[derive(Default)]
 pub struct Checks {
     failed: usize,

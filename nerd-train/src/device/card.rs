@@ -44,11 +44,9 @@ type Make = Box<dyn FnOnce() -> Result<Box<dyn Solver>> + Send>;
 /// of a chain nothing.
 struct WithFallback {
     whole: Box<dyn Roll>,
-    /// Whether whole frames went well.
     stepped: bool,
     /// Makes the fallback, once.
     alone: Option<Make>,
-    /// What that is, in words.
     rest: &'static str,
     fallback: Option<Box<dyn Solver>>,
 }

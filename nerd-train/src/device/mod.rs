@@ -61,13 +61,11 @@ impl Device {
         matches!(self, Self::Cuda | Self::CudaF32)
     }
 
-    /// Arithmetic of products there.
     #[cfg(feature = "cuda")]
     fn precision(self) -> Precision {
         if self == Self::CudaF32 { Precision::F32 } else { Precision::F16 }
     }
 
-    /// That of burn.
     #[cfg(feature = "burn")]
     pub(crate) fn burn(self) -> Result<nerd_model::BurnDevice> {
         #[cfg(feature = "wgpu")]

@@ -16,9 +16,6 @@ pub struct Burn {
 
 impl Sharded<Burn> {
     /// Continues `state` on `device` (autodiff is switched on here), in shards of 32 windows on every core.
-    ///
-    /// # Errors
-    /// As [`super::CpuLearner`]'s.
     pub fn new(config: LearnerConfig, state: LearnerState, sets: [Arc<Windows>; 2], device: &BurnDevice) -> Result<Self, LearnError> {
         Self::with(Burn { device: device.clone().autodiff() }, config, state, sets)
     }

@@ -33,7 +33,6 @@ pub fn blend(average: f64, step: u64) -> f32 {
     }
 }
 
-/// One update of Adam.
 pub(crate) struct Adam {
     decay: [f32; 2],
     gain: [f32; 2],

@@ -11,7 +11,6 @@ use super::optimiser::{self, Optimiser};
 use crate::prelude::*;
 use crate::windows::draw;
 
-/// Windows in a shard.
 const SHARD: usize = 32;
 /// Entries of a gradient one task adds up.
 const SUM: usize = 1 << 14;

@@ -33,7 +33,6 @@ fn versions(f: Activation) -> [u64; 2] {
 const FLOAT: u64 = 1;
 const INT64: u64 = 7;
 
-/// A graph, as it grows.
 #[derive(Default)]
 struct Graph(Message);
 

@@ -14,7 +14,6 @@ impl Message {
         self.0.push(n as u8);
     }
 
-    /// A whole number.
     pub fn number(&mut self, field: u64, n: u64) -> &mut Self {
         self.varint(field << 3);
         self.varint(n);

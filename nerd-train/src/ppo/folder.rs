@@ -11,7 +11,6 @@ use super::*;
 
 /// In its provenance, of a task from a file: [`System::sha256`] of its robot.
 pub(super) const ROBOT: &str = "robot";
-/// The text of its task.
 pub(super) const TASK: &str = "task.toml";
 
 /// What was learned, where, how; `config.json`.
@@ -140,7 +139,6 @@ pub(super) fn put(file: &mut Tensors, prefix: &str, policy: &Policy) {
     }
 }
 
-/// The same, read.
 pub(super) fn get(file: &Tensors, prefix: &str, shape: Shape) -> Result<Policy> {
     let flat = file.network(&tensors(prefix, &shape))?;
     let moments = |name: &str, columns: usize| -> Result<RunningMoments> {

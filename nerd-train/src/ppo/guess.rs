@@ -8,7 +8,6 @@ use crate::device::Device;
 
 /// Episodes of each robot that are shown at least, and at most where its first ones end too early.
 const ROUNDS: [usize; 2] = [2, 8];
-/// Robots that are shown, at most.
 pub(super) const ROBOTS: usize = 256;
 
 /// A model of a family, and how robots are shown to it.

@@ -12,19 +12,15 @@ use super::*;
 
 /// Mean actions beyond this cost.
 const BOUND: f32 = 1.1;
-/// ln(2 pi) / 2.
 const HALF_LN_TAU: f32 = 0.918_938_5;
 
 /// What is known of a step from its rollout.
 #[derive(Clone, Copy)]
 pub(super) struct Past<'a> {
-    /// The action drawn.
     pub action: &'a [f32],
     /// Minus the logarithm of its probability then.
     pub surprise: f32,
-    /// Normalised advantage.
     pub advantage: f32,
-    /// Normalised return.
     pub goal: f32,
     /// Normalised value then.
     pub value: f32,

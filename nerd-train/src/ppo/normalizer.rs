@@ -27,7 +27,6 @@ impl RunningMoments {
         Self { mean: vec![0.0; columns], variance: vec![1.0; columns], count: 1.0 }
     }
 
-    /// Of these rows alone.
     pub(super) fn of(rows: &[f64], columns: usize) -> Self {
         let n = (rows.len() / columns.max(1)) as f64;
         // Each thread some columns, each column in the order of the rows: the same bits on any number of threads.
@@ -75,7 +74,6 @@ impl RunningMoments {
         ((x - self.mean[column]) / self.scale(column)).clamp(-WIDEST, WIDEST)
     }
 
-    /// The slope of that.
     pub(super) fn slope(&self, column: usize, x: f64) -> f64 {
         let inside = (x - self.mean[column]).abs() < WIDEST * self.scale(column);
         if inside { self.scale(column).recip() } else { 0.0 }
@@ -109,7 +107,6 @@ impl RunningMoments {
         parts.collect::<Vec<_>>().concat()
     }
 
-    /// What a column is divided by.
     pub(crate) fn scale(&self, column: usize) -> f64 {
         (self.variance[column] + EPSILON).sqrt()
     }

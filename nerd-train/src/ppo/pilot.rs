@@ -19,7 +19,6 @@ const TURN: f64 = 30.0;
 /// Share of the trajectories that begin with [`fast_start`].
 const FAST: f64 = 0.25;
 
-/// Policies with their tasks.
 type All = Arc<[(Arc<dyn Task>, Arc<Actor>)]>;
 
 /// Policies, of which one acts in each trajectory, or several in turn.
@@ -52,10 +51,8 @@ impl Pilot for Policies {
     }
 }
 
-/// Who acts in one trajectory.
 struct Acting {
     all: All,
-    /// Whether policies take turns.
     mixed: bool,
     work: Work,
     now: Turn,
@@ -84,7 +81,6 @@ impl Turn {
         Self { which, task, actor, goal, noise, observation, action: Vec::new(), stack: None, frame: 0 }
     }
 
-    /// Any other one.
     fn other(&self, all: &All, rng: &mut ChaCha8Rng) -> Self {
         let which = rng.random_range(0..all.len() - 1);
         Self::new(all, which + usize::from(which >= self.which), rng)

@@ -116,12 +116,10 @@ impl PolicyRun {
     }
 }
 
-/// What iterations took.
 #[derive(Clone, Debug, Default)]
 struct Spent {
     rollout: f64,
     update: f64,
-    /// Of both, by part.
     parts: Vec<(&'static str, f64)>,
     steps: f64,
     /// Episodes that the solver could not go on with.
@@ -156,7 +154,6 @@ fn begun(episodes: &Episodes) -> Result<()> {
     Ok(())
 }
 
-/// The state to go on from.
 const LAST: &str = "last.safetensors";
 
 /// Refuses a run whose steps of one iteration do not fit in memory.

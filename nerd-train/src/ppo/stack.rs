@@ -44,7 +44,6 @@ impl Stack {
         self.begin(ended, fresh);
     }
 
-    /// Episodes restart.
     pub(super) fn begin(&mut self, which: impl Fn(usize) -> bool + Sync, fresh: &[f64]) {
         let (width, all) = (self.width, self.width * self.depth);
         let rows = self.rows.par_chunks_exact_mut(all).zip(fresh.par_chunks_exact(width)).with_min_len(FEW).enumerate();

@@ -127,12 +127,10 @@ impl<'a> Data<'a> {
     }
 }
 
-/// What one minibatch asks for.
 #[derive(Default)]
 struct Gradient {
     /// Gradient of the mean loss by the policy's parameters.
     flat: Vec<f32>,
-    /// Sums over the steps.
     terms: Terms,
     /// Mean actions that the policy now has for the steps, and logarithms of their spread, `[step][action]`.
     mean: Vec<f32>,

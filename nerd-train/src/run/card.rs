@@ -35,7 +35,6 @@ pub(super) struct Identity {
     /// Of the targets, where it is not the usual one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub epsilon: Option<f64>,
-    /// Engine and precision.
     pub arithmetic: String,
     /// Starts of the rollouts that choose the weights.
     pub rollouts: usize,
@@ -117,7 +116,6 @@ pub(super) fn resume(out: &Path, run: &Identity) -> Result<Option<LearnerState>>
     Ok(Some(checkpoint::load(&path, &run.network)?.0))
 }
 
-/// What `config.json` will hold.
 pub(super) fn model_config(run: &Identity, provenance: &BTreeMap<String, String>) -> ModelConfig {
     ModelConfig {
         robot: run.robot.clone(),
@@ -216,7 +214,6 @@ fn verdict_on(plan: &Plan, folder: &Path, card: &str) -> Result<Option<Verdict>>
     said(folder, card, verdict(system, &system.scene(scene)?, &model, protocol)?)
 }
 
-/// Adds a verdict to a card.
 fn said(folder: &Path, card: &str, verdict: Option<Verdict>) -> Result<Option<Verdict>> {
     if let Some(verdict) = &verdict {
         let path = folder.join("README.md");

@@ -11,7 +11,6 @@ use crate::unroll::robot::Robot;
 /// Transitions that are validated on, and the paper's distance of their seed from the training data's.
 const VALIDATION: (usize, u64) = (200_000, 10);
 
-/// What a run learns from.
 pub(super) struct Data {
     pub sha256: String,
     pub transitions: usize,
@@ -21,10 +20,8 @@ pub(super) struct Data {
     pub sets: Sets,
 }
 
-/// What its weights are judged by.
 pub(super) struct Judge {
     pub normalizer: Normalizer,
-    /// Of a chain.
     pub motions: Option<Arc<Motions>>,
 }
 

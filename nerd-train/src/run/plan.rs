@@ -11,7 +11,6 @@ use crate::schedule::Schedule;
 /// Fewest tokens of a training sequence, if not said: short ones have few tokens with a whole past.
 const SEQUENCE: usize = 32;
 
-/// What a run is made of.
 pub(super) struct Plan {
     pub config: RunConfig,
     pub system: Arc<System>,

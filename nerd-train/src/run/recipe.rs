@@ -23,7 +23,6 @@ macro_rules! shipped {
     ($($name:literal)+) => { &[$(($name, include_str!(concat!("../../assets/runs/", $name, ".toml")))),+] };
 }
 
-/// Shipped recipes by name.
 const SHIPPED: &[(&str, &str)] = shipped!("paper" "small" "quick" "urdf" "cartpole" "pendulum" "cube" "franka" "ant" "anymal" "chain"
     "chain-large" "cartpole-paper" "pendulum-paper" "ant-paper" "franka-paper" "anymal-paper" "cube-paper" "pendulum-family"
     "franka-family" "ant-family" "anymal-family" "cube-family" "cube-single" "elbow-family" "ant-rapier");

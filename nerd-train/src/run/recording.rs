@@ -140,7 +140,6 @@ impl RecordConfig {
         Ok(motions)
     }
 
-    /// Records in memory, as tokens.
     pub(super) fn tokens(&self, system: &Arc<System>, config: &GenerateConfig, form: (usize, Form)) -> Result<Prepared> {
         let bar = bar("recording transitions", (config.trajectories() * config.frames) as u64);
         let tell = |n: usize| bar.add(n as u64);

@@ -95,7 +95,6 @@ impl Run {
         export(plan, identity, judge.normalizer, weights, chosen).map(Some)
     }
 
-    /// What makes its updates.
     fn trainer(&self, identity: &Identity) -> Result<Trainer> {
         let run = serde_json::to_string(identity).map_err(Error::file(&self.plan.config.out))?;
         Ok(Trainer::new(self.plan.trainer, self.plan.learner.batch, &self.plan.config.out, &run))

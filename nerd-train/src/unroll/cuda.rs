@@ -157,7 +157,6 @@ impl CudaUnrollLearner {
     }
 }
 
-/// Motions in the device's memory.
 struct Recorded {
     frames: usize,
     states: Buffer<f64>,

@@ -34,9 +34,6 @@ impl Motions {
     }
 
     /// Records them, shards in parallel; `solver` makes the truth, `progress` gets the transitions done.
-    ///
-    /// # Errors
-    /// If the truth cannot step.
     pub fn record(
         system: &Arc<System>,
         solver: &(dyn Fn() -> Box<dyn Solver> + Sync),

@@ -27,9 +27,6 @@ pub struct Beside {
 
 /// Judges a model on pieces of a log, and beside it these analytic solvers, in words and as they are; one that cannot step is left out with
 /// a line. There is no verdict on a network along a chain.
-///
-/// # Errors
-/// If the model cannot step.
 pub fn recorded(
     measured: &Measured,
     pieces: &Pieces,

@@ -66,7 +66,6 @@ pub fn learner(state: LearnerState) -> CpuLearner {
     CpuLearner::new(LEARNER, state, [windows(0.0), windows(0.5)]).expect("windows fit the network")
 }
 
-/// The state before the first update.
 pub fn fresh() -> LearnerState {
     LearnerState::new(Weights::init(NETWORK, 3))
 }

@@ -61,7 +61,6 @@ impl Task for Point {
     }
 }
 
-/// What moves it.
 struct Slide;
 
 impl Solver for Slide {

@@ -27,7 +27,6 @@ fn config(text: &str) -> PpoConfig {
     PpoConfig::from_text(&format!("{usual}{text}")).expect("good settings")
 }
 
-/// A policy of random weights.
 fn policy(observation: usize, stack: usize, action: usize, hidden: &[usize], activation: Activation) -> Policy {
     let shape = Shape { observation, stack, action, hidden: hidden.into(), activation, spread_by_state: false };
     Policy::new(shape, &mut stream(1, 0))

@@ -8,7 +8,6 @@ fn given(pairs: &[(&str, serde_json::Value)]) -> Given {
     pairs.iter().map(|(key, value)| (key.to_string(), value.clone())).collect()
 }
 
-/// A run of seconds.
 fn tiny(out: PathBuf) -> RunConfig {
     let mut run = RunConfig::recipe("quick", "pendulum", out).expect("shipped");
     (run.embedding, run.layers, run.history, run.batch) = (24, 1, 4, 8);

@@ -6,7 +6,6 @@ use nerd_train::unroll::chain::View;
 pub use crate::common::models::{some, worse, worst as apart};
 use crate::*;
 
-/// Rollouts that are compared.
 const ROLLOUTS: usize = 24;
 /// Frame whose loss is counted, counted from 0; the share of it that the programs take, too.
 const FRAME: usize = 3;

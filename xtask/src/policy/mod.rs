@@ -19,7 +19,6 @@ pub struct PolicyArgs {
     pub verb: PolicyVerb,
 }
 
-/// What to do with it.
 #[derive(clap::Subcommand, Clone, Debug)]
 pub enum PolicyVerb {
     /// Train a policy by PPO or SHAC, or continue a run

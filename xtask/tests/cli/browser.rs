@@ -14,7 +14,6 @@ const NAMES: [&str; 4] = ["chromium", "chromium-browser", "google-chrome", "chro
 /// Longest that a browser may be silent; a machine may be busy.
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// One page of it.
 pub struct Browser {
     process: Child,
     to: File,
@@ -77,7 +76,6 @@ impl Browser {
         answer["result"]["value"].take()
     }
 
-    /// Waits until it is true.
     pub fn until(&mut self, line: &str) {
         let began = Instant::now();
         while self.run(line) != true {

@@ -12,7 +12,6 @@ mod runs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-/// The workspace.
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace")
 }
@@ -44,7 +43,6 @@ fn refused(line: &str, paths: &[&Path], culprit: &str) {
     assert!(error.trim_end().lines().count() == 1 && error.contains(culprit), "{line}: `{error}` is not one line that names {culprit}");
 }
 
-/// A folder of a test's own.
 struct Folder(tempfile::TempDir);
 
 impl Folder {

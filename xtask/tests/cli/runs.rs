@@ -8,7 +8,6 @@ use crate::{Folder, bytes, command, done, json, refused, text};
 /// A model of seconds; its folder follows.
 const TRAIN: &str =
     "train --robot cartpole --recipe small --transitions 20000 --updates 6 --batch 16 --rollouts 2 --validate-every 3 --out";
-/// A policy of seconds.
 const POLICY: &str = "policy train cartpole-swingup --envs 8 --horizon 16 --minibatch 64 --seed 3";
 
 /// Starts a run, waits until it has gone so far, and kills it.

@@ -79,7 +79,6 @@ pub struct CalibratedAll {
     #[serde(flatten)]
     pub settings: Calibration,
     pub robot: String,
-    /// What reading the log had to say.
     pub notes: Vec<String>,
     /// Trajectories, and rollouts cut from them.
     pub sizes: [usize; 2],

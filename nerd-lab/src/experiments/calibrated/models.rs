@@ -20,13 +20,11 @@ pub struct Modelled {
     pub before: usize,
     /// Shown as many of them as there are.
     pub shown: Vec<Scored>,
-    /// Shown none.
     pub withheld: Vec<Scored>,
     /// Whole trajectories, before which there are none.
     pub whole: Vec<Scored>,
 }
 
-/// A model with its robot.
 struct Judged<'a> {
     folder: &'a Path,
     own: Arc<System>,
@@ -65,7 +63,6 @@ impl Calibration {
         rows.iter().map(|models| self.judge(log, models, parts)).collect()
     }
 
-    /// Models, one for each split.
     fn judge(&self, log: &Log, models: &[&Judged], parts: &[Parts]) -> Result<Modelled> {
         let mut names: Vec<String> = models.iter().map(|m| shipped::from_root(m.folder)).collect();
         names.dedup();

@@ -15,7 +15,6 @@ const SETS: usize = 2000;
 /// The row that others are compared with, if there is more than it.
 const BASIS: usize = 2;
 
-/// A trajectory that was judged.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Judged {
     /// Its log, and its name there.
@@ -32,7 +31,6 @@ pub struct Runs {
     pub settings: Calibration,
     pub notes: Vec<String>,
     pub methods: Vec<String>,
-    /// Frames of rollouts.
     pub lengths: Vec<usize>,
     /// By fold: what it costs to leave what all share, as the other folds chose it.
     pub weights: Vec<f64>,

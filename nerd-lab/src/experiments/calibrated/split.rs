@@ -10,7 +10,6 @@ use crate::prelude::*;
 pub(super) struct Parts {
     pub train: Vec<Trial>,
     pub judged: Vec<Trial>,
-    /// Whole trajectories of the judged part.
     pub whole: Vec<Trial>,
     ids: Vec<u64>,
 }
@@ -30,7 +29,6 @@ pub struct Split {
     /// Without the fit, on the judged part.
     pub before: Scored,
     pub after: Scored,
-    /// Whole trajectories without the fit.
     pub whole_before: Scored,
     pub whole_after: Scored,
 }
@@ -39,7 +37,6 @@ pub struct Split {
 pub struct FitOf {
     pub values: Vec<f64>,
     pub objective: f64,
-    /// See [`Fit::evaluations`].
     pub evaluations: f64,
     /// Wall clock.
     pub seconds: f64,

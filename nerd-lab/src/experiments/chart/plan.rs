@@ -53,7 +53,6 @@ pub(super) struct Method {
 }
 
 impl Chart {
-    /// Refuses more than can be borne.
     pub(super) fn plan(&self) -> Result<Plan> {
         let system = System::named(&self.robot)?;
         let scene = system.scene(&self.scene)?;

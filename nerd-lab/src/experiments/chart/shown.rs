@@ -36,7 +36,6 @@ pub(super) struct Point {
     pub error: f64,
     /// Mean |difference| of each.
     by_coordinate: Vec<f64>,
-    /// Rollouts that left.
     diverged: usize,
     front: bool,
     /// Whether its error is against a reference of its own, so that it competes with no other series.
@@ -47,7 +46,6 @@ pub(super) struct Point {
     memory: Option<f64>,
 }
 
-/// What MuJoCo is compared with.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Against {
     pub version: String,

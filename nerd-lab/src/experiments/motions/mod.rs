@@ -95,7 +95,6 @@ impl Motions {
         Ok(MotionErrors { robot: system.name.clone(), reference: format!("articulated, implicit, {finest} substeps"), rows })
     }
 
-    /// Records the motions of the reference.
     fn record(&self, system: &Arc<System>, substeps: usize) -> Result<Recorded> {
         let (starts, frames) = (self.starts, self.frames);
         let config = GenerateConfig { transitions: starts * frames, frames, seed: self.seed, ..GenerateConfig::default() };

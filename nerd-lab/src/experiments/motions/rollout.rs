@@ -20,7 +20,6 @@ pub struct Recorded {
     pub frames: usize,
 }
 
-/// What a solver made of the motions.
 pub struct Rollout {
     pub points: Points,
     /// A frame of one environment.

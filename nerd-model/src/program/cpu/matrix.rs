@@ -74,7 +74,6 @@ impl Matrix {
     }
 }
 
-/// Floats in a vector.
 struct Lanes;
 
 impl WithSimd for Lanes {

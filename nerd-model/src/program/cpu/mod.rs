@@ -22,7 +22,6 @@ use super::{Op, Program, Slot, Weight};
 pub struct Loaded {
     /// What is done.
     pub program: Program,
-    /// Its parameters.
     flat: Vec<f32>,
     starts: Vec<usize>,
     /// By step, `diag(scale) W` where there is a scale.
@@ -94,7 +93,6 @@ impl Loaded {
         Matrix::new(inner, folded)
     }
 
-    /// Entries of a tensor.
     fn tensor(&self, weight: Weight) -> &[f32] {
         &self.flat[self.starts[weight.0]..self.starts[weight.0 + 1]]
     }
@@ -199,7 +197,6 @@ impl Pass<'_> {
     }
 }
 
-/// Adds a row to each.
 fn add_to_rows(x: &mut [f32], row: &[f32]) {
     x.chunks_exact_mut(row.len()).for_each(|x| x.iter_mut().zip(row).for_each(|(x, r)| *x += r));
 }

@@ -8,7 +8,6 @@ use super::text::Text;
 use crate::prelude::*;
 use crate::system::vary::VarySpec;
 
-/// What is asked of a `[vary]`.
 type Changes = fn(&VarySpec) -> bool;
 
 /// Names of tables, and what changes them: first those that a solver reads from its tree, then from [`SOLVERS`] on those that are read where they are,
@@ -104,9 +103,6 @@ impl Own {
     }
 
     /// What follows a scene in the record of one of a family's robots.
-    ///
-    /// # Errors
-    /// If it has dry friction nowhere, where others have some.
     pub(super) fn numbers(self, robot: &System) -> Result<Vec<f64>, String> {
         if self == Self::default() {
             return Ok(Vec::new());
@@ -124,7 +120,6 @@ impl Own {
     }
 }
 
-/// What the tables hold.
 fn tables(system: &System) -> [Vec<f64>; TABLES.len()] {
     let (robot, bounds, m, motors) = (&system.robot, Bounds::new(system), &system.spec.material, &system.motors);
     let links = |of: &dyn Fn(&Link) -> Vec<f64>| robot.links.iter().flat_map(of).collect::<Vec<f64>>();

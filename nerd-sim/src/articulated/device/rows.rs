@@ -19,7 +19,6 @@ pub(super) struct Rows {
 }
 
 impl Rows {
-    /// For so many of a batch.
     pub(super) fn new(device: &Device, batch: &Batch, rows: usize) -> Result<Self, DeviceError> {
         let (n, robot) = (batch.len(), &batch.system.robot);
         let wide = n * rows * 2 * robot.nv();
@@ -34,12 +33,10 @@ impl Rows {
         })
     }
 
-    /// Whether it is for so many.
     pub(super) fn fits(&self, rows: usize) -> bool {
         self.rows == rows
     }
 
-    /// The slopes of what is held.
     pub(super) fn back(&self, motion: &impl Motion, held: &Held, batch: &Batch, by_next: &[f64]) -> Result<Slopes, StepError> {
         let Some(device) = motion.device() else { return Ok(Slopes::default()) };
         let go = || -> Result<(Slopes, Vec<i32>), DeviceError> {

@@ -38,9 +38,6 @@ fn resident(solver: &mut Box<dyn Solver>) -> Result<&mut dyn Resident, StepError
 
 impl SharedStates {
     /// Those of a simulation from here on.
-    ///
-    /// # Errors
-    /// As [`Self::hold`].
     pub fn new(simulation: &mut Simulation) -> Result<Self, StepError> {
         let device = Device::open(KERNELS, &["take", "give"]).map_err(failed)?;
         let (states, went) = (device.zeros(simulation.batch.states.len()), device.zeros(simulation.batch.len()));
@@ -73,9 +70,6 @@ impl SharedStates {
     }
 
     /// One frame under torques `[env][joint]` at an address of the GPU. It does not wait, neither for the frame nor for its faults.
-    ///
-    /// # Errors
-    /// If the driver refuses a kernel.
     pub fn step(&mut self, simulation: &mut Simulation, torques: u64) -> Result<(), StepError> {
         let resident = resident(&mut simulation.solver)?;
         let work = || -> Result<(), DeviceError> {
@@ -95,9 +89,6 @@ impl SharedStates {
     }
 
     /// Makes the batch what is on the GPU; environments that the last frame left where they were.
-    ///
-    /// # Errors
-    /// If the device stopped.
     pub fn pull(&mut self, Simulation { batch, solver }: &mut Simulation) -> Result<Vec<Fault>, StepError> {
         let resident = resident(solver)?;
         let Some((device, held)) = resident.held() else { return Ok(Vec::new()) };
@@ -116,9 +107,6 @@ impl SharedStates {
     }
 
     /// Takes the batch's states over again, of which those of some environments begin anew.
-    ///
-    /// # Errors
-    /// If the device stopped.
     pub fn begin(&mut self, Simulation { batch, solver }: &mut Simulation, envs: impl Iterator<Item = usize>) -> Result<(), StepError> {
         let resident = resident(solver)?;
         let (memory, Some((device, held))) = (resident.memory(), resident.held()) else { return Ok(()) };

@@ -22,7 +22,6 @@ pub struct Whole {
     config: ArticulatedConfig,
     real: Real,
     device: Option<Device>,
-    /// What its kernels were made for.
     reach: Reach,
     /// Whether its way back has been made.
     returns: bool,
@@ -30,7 +29,6 @@ pub struct Whole {
     rig: Option<Rig>,
 }
 
-/// What motors remember.
 struct Rig {
     /// Torques asked for in the last frames, the newest first, `[env][LATEST][joint]`; and how many frames those of an environment are.
     asked: Buffer<f64>,

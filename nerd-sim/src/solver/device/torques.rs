@@ -44,7 +44,6 @@ fn pack(torques: &[f64], columns: usize, joints: usize, packed: &mut Vec<f64>) -
     true
 }
 
-/// What sends torques.
 pub(crate) struct Sender {
     /// Of its own, since kernels are a device's.
     device: Device,

@@ -13,7 +13,6 @@ const TURN: f64 = 10.0;
 /// thousand such drives with random phases this is the one under which preset `paper` invents most.
 const BEAT: f64 = 6.0;
 const PHASES: [f64; 8] = [6.0, 4.0, 4.0, 1.0, 0.0, 3.0, 7.0, 3.0];
-/// Frames: one second.
 const FRAMES: usize = 60;
 
 pub(super) static ROWS: [Row; 2] = [

@@ -32,7 +32,6 @@ pub(super) fn vertices(text: &str) -> Result<Vec<Vector3<f64>>, String> {
 
 struct File<'a> {
     ids: HashMap<&'a str, Node<'a, 'a>>,
-    /// Elements of nodes so far.
     seen: usize,
     found: Vec<Vector3<f64>>,
 }
@@ -95,7 +94,6 @@ impl<'a> File<'a> {
     }
 }
 
-/// The numbers of an element.
 fn numbers<const N: usize>(node: &Node) -> Result<[f64; N], String> {
     let words = node.text().unwrap_or_default().split_whitespace().map(str::parse::<f64>);
     let numbers = words.collect::<Result<Vec<f64>, _>>().ok().and_then(|all| all.try_into().ok());

@@ -28,7 +28,6 @@ pub(super) fn vertices(bytes: &[u8], path: &Path) -> Result<Vec<Vector3<f64>>, S
 
 struct File {
     buffers: Vec<Vec<u8>>,
-    /// Nodes so far.
     seen: usize,
     found: Vec<Vector3<f64>>,
 }

@@ -65,7 +65,6 @@ pub(crate) fn cover(
     kept
 }
 
-/// Corners and triangles.
 pub(crate) type Surface = (Vec<Vector3<f64>>, Vec<[u32; 3]>);
 
 /// The vertices of the convex hull and its triangles, seen from outside against the clock; none of points in a plane.

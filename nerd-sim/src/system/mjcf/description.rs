@@ -16,7 +16,6 @@ pub(crate) struct Description<'a> {
     pub quaternion: [f64; 4],
     /// Height of the file's ground along the up axis (m).
     pub floor: f64,
-    /// Friction coefficient of its contacts.
     pub friction: Option<f64>,
 }
 

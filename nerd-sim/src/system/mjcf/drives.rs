@@ -8,7 +8,6 @@ use mjcf_rs::{equality::Equality, extras::ActuatorKind};
 use super::text::Source;
 use crate::internal::*;
 
-/// What actuators make of a joint.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Motor {
     /// Stiffness and damping of a position or velocity law.

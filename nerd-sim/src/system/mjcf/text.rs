@@ -17,7 +17,6 @@ const LARGEST: usize = 1 << 26;
 /// How a place is turned.
 const TURNS: [&str; 5] = ["quat", "axisangle", "xyaxes", "zaxis", "euler"];
 
-/// An MJCF file, whole.
 #[derive(Default)]
 pub(super) struct Source {
     pub text: String,

@@ -21,14 +21,12 @@ struct Place {
 pub(super) struct Tree<'a> {
     pub model: &'a Model,
     pub source: &'a Source,
-    /// The body whose joint is free.
     pub free: Option<usize>,
     pub motors: HashMap<String, Motor>,
     pub follow: HashMap<String, Follower>,
     pub urdf: String,
     pub notes: Vec<String>,
     places: Vec<Place>,
-    /// Names of the joints, by body.
     names: Vec<Vec<String>>,
     /// Names of links.
     taken: HashSet<String>,
@@ -108,7 +106,6 @@ impl<'a> Tree<'a> {
         all.filter(|(_, joint)| joint.type_ != JointType::Free)
     }
 
-    /// The limits of a joint.
     pub fn range(&self, joint: &body::Joint) -> Option<[f64; 2]> {
         joint.range.filter(|_| joint.limited.resolve(self.model.compiler.autolimits, joint.range.is_some()))
     }
@@ -244,7 +241,6 @@ fn shifted(origin: &Vector3<f64>) -> Isometry3<f64> {
     Isometry3::translation(-origin.x, -origin.y, -origin.z)
 }
 
-/// Whether something may touch a geom.
 pub(super) fn touches(geom: &Geom, model: &Model) -> bool {
     let paired = |name: &String| model.contact.pairs.iter().any(|pair| [&pair.geom1, &pair.geom2].contains(&name));
     geom.contype != 0 || geom.conaffinity != 0 || geom.name.as_ref().is_some_and(paired)

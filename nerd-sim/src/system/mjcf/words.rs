@@ -59,7 +59,6 @@ const WORDS: &str = "name class childclass type mesh hfield material fluidshape 
 /// Actuators that are read; MJCF's shortcuts for general ones share its attributes.
 pub(super) const ACTUATORS: [&str; 4] = ["motor", "position", "velocity", "general"];
 
-/// Why an element cannot be honoured.
 pub(super) fn check(node: &Node) -> Result<(), String> {
     let (tag, own) = (node.tag_name().name(), node.parent_element());
     let above = own.map_or("", |n| n.tag_name().name());

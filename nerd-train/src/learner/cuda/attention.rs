@@ -19,7 +19,6 @@ pub(super) struct Attention {
     /// Whether those are a band, and queries and keys turned.
     rotary: bool,
     tokens: usize,
-    /// Heads of one block.
     group: usize,
 }
 

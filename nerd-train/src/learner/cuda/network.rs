@@ -40,7 +40,6 @@ pub(crate) struct Network {
     pub(super) back: Option<BackwardMemory>,
 }
 
-/// Memory of the backward pass.
 pub(super) struct BackwardMemory {
     /// Gradients by slots, allocated in the first pass; each with an event that is recorded once the side stream has read it.
     pub buffers: RefCell<Vec<(Buffer<f32>, Event)>>,
@@ -128,7 +127,6 @@ impl Network {
         self.device.write(&self.values[0], &self.staging)
     }
 
-    /// Address of a slot's values.
     pub fn at(&self, slot: Slot) -> u64 {
         self.values[self.buffer_of[slot.0]].ptr
     }

@@ -5,7 +5,6 @@
 
 use super::*;
 
-/// What one kernel or product computes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Part {
     /// `y = x W'`, or `y += x W'`. `folded` is the offset of W' in the folded matrices; without one, W' is W.
@@ -34,7 +33,6 @@ pub(crate) struct Plan {
     pub norm: usize,
 }
 
-/// Where the values of slots are.
 pub(super) struct Layout {
     /// By slot, its buffer.
     pub buffer_of: Vec<usize>,
@@ -43,7 +41,6 @@ pub(super) struct Layout {
 }
 
 impl Plan {
-    /// For a network.
     pub fn of(config: &TransformerConfig, tokens: usize) -> Result<Self, LearnError> {
         config.check().map_err(LearnError::Mismatch)?;
         Self::new(config.program(), tokens)
@@ -130,7 +127,6 @@ impl Plan {
 }
 
 impl Part {
-    /// The slot that is written.
     pub fn to(&self) -> Slot {
         match *self {
             Self::Linear { to, .. } | Self::Step(Step { to, .. }) | Self::Shift { slot: to, .. } => to,

@@ -18,7 +18,6 @@ pub struct CudaLearner {
     total: Buffer<f64>,
 }
 
-/// Windows on the device.
 struct Data {
     x: Buffer<f32>,
     y: Buffer<f32>,

@@ -78,7 +78,6 @@ impl CudaEngine {
         self.over("gae", *n, &[&all[..], &[Int(*n), Int(*horizon), Double(config.gamma), Double(config.lambda)]].concat())
     }
 
-    /// Moments of columns over all steps.
     fn moments_of(&self, rows: u64, width: usize) -> Result<RunningMoments> {
         let (n, partial) = (self.kept.horizon * self.kept.environments, self.kept.partial.ptr);
         let mut moments = [vec![0.0; width], vec![0.0; width]];

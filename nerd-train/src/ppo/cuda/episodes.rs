@@ -61,9 +61,6 @@ impl CudaEpisodes {
     }
 
     /// Begins the first episodes of a seed.
-    ///
-    /// # Errors
-    /// As [`Self::new`].
     pub fn seeded(&mut self, seed: u64) -> Result<()> {
         self.episodes.seeded(seed)?;
         self.world = taken(&mut self.episodes, &self.door.device)?;
@@ -73,9 +70,6 @@ impl CudaEpisodes {
     }
 
     /// One step under actions `[env][action]`, f32 at an address of the GPU. It does not wait for what comes of it.
-    ///
-    /// # Errors
-    /// If the driver refuses a kernel.
     pub fn step(&mut self, actions: u64) -> Result<()> {
         let Self { episodes, world, door, replay } = self;
         let Some(resident) = episodes.simulation.solver.resident() else { refuse!("the solver has left the device") };
@@ -115,9 +109,6 @@ impl CudaEpisodes {
     }
 
     /// Actions `[env][action]` that are put on the GPU, for who has none there.
-    ///
-    /// # Errors
-    /// If there is not enough memory.
     pub fn upload(&self, actions: &[f32]) -> Result<Buffer<f32>> {
         Ok(self.door.device.upload(actions)?)
     }
@@ -137,7 +128,6 @@ impl Door {
         over(&self.device, "show", self.rows.len, &[&read.map(Ptr)[..], &written.map(Ptr), &sizes].concat())
     }
 
-    /// Shows what episodes begin with.
     fn begin(&self, observations: &[f64]) -> Result<(), DeviceError> {
         self.device.write(&self.rows, observations)?;
         self.device.write(&self.rewards, &vec![0.0; self.rewards.len])?;
@@ -146,7 +136,6 @@ impl Door {
     }
 }
 
-/// A kernel over so many entries.
 fn over(device: &Device, kernel: &str, entries: usize, args: &[Arg]) -> Result<(), DeviceError> {
     device.launch(kernel, (entries.div_ceil(THREADS), 1), (THREADS, 1), 0, args)
 }

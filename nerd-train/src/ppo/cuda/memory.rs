@@ -13,7 +13,6 @@ pub(super) struct Kept {
     pub(super) observations: Buffer<f64>,
     /// Values in units of reward: by step, of what the last step reached, and by step of what was reached where time ran out.
     pub(super) values: Buffer<f64>,
-    /// Advantages and returns.
     pub(super) both: Buffer<f64>,
     /// What came of each step (`gae.rs`).
     pub(super) rewards: Buffer<f64>,

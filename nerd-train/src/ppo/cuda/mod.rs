@@ -31,7 +31,6 @@ const SOURCE: [&str; 4] = [include_str!("kernels.cu"), RANDOM, include_str!("act
 /// Threads of a block, and blocks of the gradient norm's first stage.
 const THREADS: usize = 128;
 const SQUARES: usize = 64;
-/// Terms of the loss.
 const TERMS: usize = 6;
 /// The order of each pass, as it is drawn.
 type Orders = Receiver<Vec<u32>>;
@@ -59,7 +58,6 @@ pub struct CudaEngine {
     state: Buffer<PassState>,
     replay: Replay<(u64, PpoConfig)>,
     rolls: Replay<RollKey>,
-    /// Decay of Adam's moments.
     beta: [f64; 2],
     /// What is drawn of the next update: its settings, its seeds, and the order of each pass.
     orders: Option<(PpoConfig, StreamKey, Orders)>,
@@ -109,7 +107,6 @@ impl CudaEngine {
         matches!(self.world, Some(Some(_)))
     }
 
-    /// A kernel over so many entries.
     fn over(&self, kernel: &str, entries: usize, args: &[Arg]) -> Result<(), DeviceError> {
         self.net.device.launch(kernel, (entries.div_ceil(THREADS), 1), (THREADS, 1), 0, args)
     }
@@ -119,7 +116,6 @@ impl CudaEngine {
         if self.shape.spread_by_state { 0 } else { self.weights.at(self.weights.len - self.shape.action) }
     }
 
-    /// What the network says.
     fn said(&self) -> u64 {
         self.net.predictions().ptr
     }

@@ -35,7 +35,6 @@ pub(super) struct World {
     /// States when the last rollout ended, and frames of a step.
     states: Vec<f64>,
     step: usize,
-    /// Steps of an episode.
     length: u64,
     n: usize,
 }
@@ -49,18 +48,13 @@ struct Past {
     states: Buffer<f64>,
     torques: Buffer<f64>,
     goals: Buffer<f64>,
-    /// Numbers of a frame.
     sizes: [usize; 3],
-    /// Frames so far.
     count: usize,
 }
 
 impl World {
     /// Takes episodes over where they are, in the order of another device's work; none where their solver is elsewhere. If rollouts are gone back
     /// over, they have so many steps.
-    ///
-    /// # Errors
-    /// What of task, scene or robot has no kernel; or that there is not enough memory.
     pub(super) fn new(episodes: &mut Episodes, beside: &Device, back: Option<usize>) -> Result<Option<Self>, StepError> {
         let (kept, most, (seed, first), task) = (episodes.snapshot(), episodes.remembered(), episodes.draws(), &episodes.task);
         let climbs = i32::from(episodes.climbs());
@@ -119,7 +113,6 @@ impl World {
         Ok(Some(world))
     }
 
-    /// Frames of a step.
     pub(super) fn frames(&self) -> usize {
         self.step
     }
@@ -150,7 +143,6 @@ impl World {
         (room == 0 || (steps * self.step).is_multiple_of(room)).then(|| (self.fields.ptr, count.checked_rem(room).unwrap_or(0)))
     }
 
-    /// So many steps are over.
     pub(super) fn passed(&mut self, steps: usize) {
         let past = &mut self.past;
         past.count += steps * self.step;

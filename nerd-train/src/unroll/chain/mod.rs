@@ -123,9 +123,6 @@ impl Cable {
     }
 
     /// A scene as numbers.
-    ///
-    /// # Errors
-    /// If it has no kernels.
     pub fn record(&self, system: &System, scene: &Scene, colliders: usize) -> Result<Vec<f64>, String> {
         record(scene, system, &ArticulatedConfig::implicit(1, Friction::Coulomb), Reach { colliders, ..Reach::default() })
     }

@@ -2,7 +2,6 @@
 
 use super::*;
 
-/// Frames that are looked at.
 const FRAMES: usize = 8000;
 /// No scale is less: what never moves would be divided by nothing.
 const LEAST: f64 = 1e-9;

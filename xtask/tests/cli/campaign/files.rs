@@ -78,7 +78,6 @@ const TEXTS: [(&str, &str); 8] = [
     ("pendulum.csv", include_str!("assets/pendulum.csv")),
 ];
 
-/// Trains the smallest model there is.
 const TRAIN: &str = "train --robot pendulum --recipe small --embedding 8 --layers 2 --history 4 --transitions 200 --frames 20 --updates 2 \
                      --batch 4 --rollouts 1";
 

@@ -12,7 +12,6 @@ use nerd_sim::prelude::System;
 use super::files::{Files, below, scratch, whole, write};
 use super::program;
 
-/// What a case may take.
 const TIME: Duration = Duration::from_secs(10);
 /// Address space of its process (KiB).
 const MEMORY: u64 = 4 << 20;
@@ -45,7 +44,6 @@ impl Case {
     }
 }
 
-/// What became of a case, with words.
 #[derive(Debug)]
 pub enum Outcome {
     Refused(String),

@@ -9,7 +9,6 @@ use std::time::{Duration, Instant};
 use super::files::{Files, below, read, whole};
 use super::program;
 
-/// Kills of a run.
 const KILLS: u32 = 6;
 
 #[test]

@@ -68,7 +68,6 @@ impl Dictionary {
         text.concat()
     }
 
-    /// Another word, or another number.
     fn word(&self, dice: &mut Dice, word: &str, other: &str) -> String {
         let u: f64 = dice.random();
         match (word.parse::<f64>(), dice.random_range(0..8)) {
