@@ -11,7 +11,7 @@ pub(crate) use nerd_sim::prelude::*;
 pub(crate) use nerd_train::bounds::{self, FRAMES, SEEDS, STARTS, SUBSTEPS};
 pub(crate) use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport, passive};
 pub(crate) use nerd_train::progress::{self, bar};
-pub(crate) use nerd_train::{device::Device, ppo::Arena, settings::settings, shipped, stats::mean};
+pub(crate) use nerd_train::{device::Device, ppo::Arena, settings::settings, shipped, stats::mean, stats::percentile};
 pub(crate) use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
 pub(crate) use crate::experiments::{About, Experiment, Measured};

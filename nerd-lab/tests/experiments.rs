@@ -63,7 +63,6 @@ fn a_model_that_adds_nothing_is_not_shipped() {
     assert!(lines().len() == 1 && lines()[0].contains("no result has a verdict"), "{:?}", lines());
     let case = Case { solver: Choice::model(&mine), ..truth(|asked| asked.frames = Some(20)) };
     conduct(&Passive::new("passive", &[case]).expect("asked"), &results).expect("measured");
-    println!("{:?}", lines());
     assert!(lines().len() == 1 && lines()[0].contains("(constant velocity) errs 1.00 times"), "{:?}", lines());
     let mut result = Artifact::read(&results, "passive").expect("a result");
     let of = result.data["rows"][0]["verdict"].clone();

@@ -133,7 +133,6 @@ fn mujoco_moves_as_ours_does() {
                 }
             }
         }
-        println!("{name}, limits {limits}: MuJoCo {} within {worst:.1e} over a second", mujoco.version);
         assert!(worst < bound, "{name}: MuJoCo is {worst:.1e} away, allowed {bound:.0e}");
     }
 }

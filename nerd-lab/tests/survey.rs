@@ -87,7 +87,6 @@ fn a_thousand_links_take_seconds() {
     let (found, start) = (written(folder.path(), "chain.urdf", &chain(1000)), std::time::Instant::now());
     let robot = survey(&found);
     let seconds = start.elapsed().as_secs_f64();
-    println!("1000 hinges on both bases in {seconds:.1} s");
     assert!(robot.fixed.is_ok() && robot.floating.is_ok(), "{robot:?}");
     assert!(seconds < 60.0, "{seconds} s");
 }
@@ -112,7 +111,6 @@ fn a_newcomer_is_told_whether_a_robot_stands_hangs_or_falls() {
     ] {
         let found = written(folder.path(), &format!("{name}.urdf"), &text);
         let line = verdict(&System::named(&found.path.display().to_string()).expect("a robot"), 1.0);
-        println!("{name}: {line}");
         assert!(words.iter().all(|word| line.contains(word)) && !line.contains('\n'), "{name}: {line}");
     }
 }

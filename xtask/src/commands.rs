@@ -1,6 +1,6 @@
 //! The verbs in groups, as `cargo xtask` shows them, and `docs/commands.md`, written from the program's own help.
 
-use clap::{Arg, ArgMatches, Command};
+use clap::{Arg, Command};
 use nerd_train::shipped::root;
 
 const GROUPS: [(&str, &[&str]); 5] = [
@@ -24,10 +24,6 @@ pub fn prepare(program: Command) -> Command {
     let json = Arg::new("json").long("json").action(clap::ArgAction::SetTrue).global(true).hide(true);
     let program = program.help_template("{about}\n\n{usage-heading} {usage}{after-help}").after_help(groups).arg(json);
     program.disable_help_subcommand(true).subcommand_value_name("VERB").mut_subcommands(shared)
-}
-
-pub fn as_json(matches: &ArgMatches) -> bool {
-    matches.get_flag("json")
 }
 
 /// A number below zero behind an option is its value, for the option to refuse by its range.

@@ -84,7 +84,7 @@ fn program() -> Command {
 fn parse(words: impl IntoIterator<Item = OsString>) -> Result<Verb, clap::Error> {
     let mut program = program();
     let matches = program.try_get_matches_from_mut(words)?;
-    if commands::as_json(&matches) {
+    if matches.get_flag("json") {
         out::json();
     }
     Verb::from_arg_matches(&matches).map_err(|e| e.format(&mut program))

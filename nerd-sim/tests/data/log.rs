@@ -65,20 +65,23 @@ fn a_turned_copy_is_left_out_and_a_hand_lets_go() {
     assert!((54..=66).contains(&left), "{left} frames are left of 80, 60 of them free");
 }
 
+/// A table with the numbers of every row changed.
+fn changed(table: &str, f: &dyn Fn(usize, &mut [f64])) -> String {
+    let (head, rows) = table.split_once('\n').expect("a head");
+    let row = |(k, line): (usize, &str)| {
+        let mut x: Vec<f64> = line.split(',').map(|c| c.parse().expect("a number")).collect();
+        f(k, &mut x);
+        x.iter().map(f64::to_string).collect::<Vec<_>>().join(",")
+    };
+    [vec![head.to_string()], rows.lines().enumerate().map(row).collect()].concat().join("\n")
+}
+
 /// Times to the millisecond, semicolons, rates a third too large, a glitch, a file that ended before it began.
 #[test]
 fn what_is_odd_is_read_and_said() {
     let all = tosses(&cube(), 3, 60);
     let good = text(&all);
-    let cells = |f: &dyn Fn(usize, &mut Vec<f64>)| {
-        let (head, rows) = good.split_once('\n').expect("a head");
-        let row = |(k, line): (usize, &str)| {
-            let mut x: Vec<f64> = line.split(',').map(|c| c.parse().expect("a number")).collect();
-            f(k, &mut x);
-            x.iter().map(f64::to_string).collect::<Vec<_>>().join(",")
-        };
-        [vec![head.to_string()], rows.lines().enumerate().map(row).collect()].concat().join("\n")
-    };
+    let cells = |f: &dyn Fn(usize, &mut [f64])| changed(&good, f);
     let spun = |k: f64| cells(&|_, x| x[12..15].iter_mut().for_each(|w| *w *= k));
     let cases: [(&str, String, Option<&[&str]>); 4] = [
         ("times to four digits", cells(&|_, x| x[1] = (1e4 * x[1]).round() / 1e4), None),
@@ -107,16 +110,7 @@ fn what_is_odd_is_read_and_said() {
 fn what_cannot_be_right_is_refused() {
     let all = tosses(&cube(), 3, 60);
     let good = text(&all);
-    let changed = |f: &dyn Fn(&mut Vec<f64>)| {
-        let mut lines = good.lines();
-        let mut out = format!("{}\n", lines.next().unwrap_or_default());
-        for line in lines {
-            let mut x: Vec<f64> = line.split(',').map(|c| c.parse().expect("a number")).collect();
-            f(&mut x);
-            out += &format!("{}\n", x.iter().map(f64::to_string).collect::<Vec<_>>().join(","));
-        }
-        out
-    };
+    let changed = |f: &dyn Fn(&mut [f64])| changed(&good, &|_, x| f(x));
     let rates = |k: f64| changed(&|x| x[12..15].iter_mut().for_each(|w| *w *= k));
     let cases: [(&str, String, String, &[&str]); 15] = [
         ("a column", good.replace("vz", "up"), header().into(), &["cube.csv", "column `vz`"]),

@@ -66,7 +66,6 @@ fn robots_of_a_family_move_as_their_solvers_have_them() {
         let apart =
             |found: &[f64], of: &Batch| found.iter().zip(&of.states).map(|(a, b)| (a - b).abs() / (1.0 + b.abs())).fold(0.0, f64::max);
         let (double, other) = (apart(&found, &batch), apart(&found, &nominal));
-        println!("{told}: {double:.1e}; from robots that are all the same {other:.1e}");
         assert!(double < 1e-9 && other > 1e-3, "{told}: {double:e}, {other:e}");
         if name == "pendulum" {
             let single = apart(&reached(Real::F32), &batch);

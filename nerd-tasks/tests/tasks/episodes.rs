@@ -150,7 +150,6 @@ fn fast_starts_are_faster_than_resets_and_end_no_episode() {
             let mut over_at = |state: &[f64]| task.terminated(View { state, goal: &goal, scene: &scene }, &mut work);
             assert!(!over_at(&hurried) || over_at(&usual), "{name}: hurried start {k} is over at once");
         }
-        println!("{name}: fastest start {slow:.2} by reset, {fast:.2} hurried");
         // A cable is at rest wherever data and resets begin.
         let still = system.source == Source::Cable;
         assert!(if still { fast == 0.0 } else { fast > 2.0 * slow && fast.is_finite() }, "{name}: {slow:.2} by reset, {fast:.2} hurried");

@@ -183,7 +183,6 @@ fn is_the_same(compiler: &Compiler, name: &str, system: &Arc<System>) -> bool {
         }
         assert!(LATE.iter().all(|env| ends[*env] == 2), "{name}: {ends:?}");
     }
-    println!("{name}: {off:.1?}");
     assert!(off.iter().all(|(_, x)| *x < 1e-11), "{name}: {off:?}");
     true
 }

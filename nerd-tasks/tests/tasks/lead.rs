@@ -28,7 +28,6 @@ fn an_episode_begins_at_rest_with_the_tip_on_the_floor() {
             lifted = lifted.max((now[2] - start[2]).abs());
         }
     }
-    println!("in half a second the tips move by {:.2} mm, rise by {:.2} mm at most", 1e3 * moved, 1e3 * lifted);
     assert!(moved < 0.01 && lifted < 1e-3, "a start is not at rest: {moved:.4} m along, {lifted:.4} m up");
 }
 
@@ -49,7 +48,6 @@ fn the_target_sets_off_from_rest_and_never_turns_back() {
             first = if frame == 0 { first.max(speed) } else { first };
         }
     }
-    println!("targets go at {fastest:.3} m/s at most, {first:.4} m/s in their first frame, {least:.4} m/s ahead at least");
     assert!(fastest < 0.25 && first < 0.02 && least > 0.0, "{fastest} m/s, first {first}, ahead {least}");
 }
 

@@ -179,7 +179,6 @@ fn steps_are_gone_back_over_in_kernels_as_on_the_cpu() {
         }
         slope[BREAKS * wide..][..wide].fill(0.0);
         let off = [apart(&slope, &by_first), apart(&mean, &by_mean), apart(&spread, &by_spread)];
-        println!("{name}: slopes by first states {:.1e}, by means {:.1e}, by spreads {:.1e} off", off[0], off[1], off[2]);
         assert!(off[0] < 1e-11 && off[1] < 1e-6 && off[2] < 1e-6, "{name}: {off:?}");
     }
 }

@@ -94,7 +94,6 @@ fn a_rollout_predicts_what_the_training_pass_predicts() {
         for (robot, scene, base) in [("cartpole", "free", Base::State), ("cube", "ground", Base::State), ("ant", "ground", Base::Trapezoid)]
         {
             let worst = apart(robot, scene, base, positions);
-            println!("{robot} on {base:?}, {positions:?}: {worst:.1e} deviations");
             assert!(worst < 5e-4, "{robot} on {base:?}, {positions:?}: a rollout is {worst:.1e} deviations from the training pass");
         }
         // Robots of their own, each told what was drawn of it, and guessed.

@@ -99,7 +99,6 @@ fn scale(moments: &RunningMoments, k: usize) -> f64 {
 fn near(what: &str, found: &[f64], expected: &[f64], most: f64) {
     assert_eq!(found.len(), expected.len(), "{what}");
     let apart = found.iter().zip(expected).map(|(a, b)| (a - b).abs() / (1.0 + b.abs())).fold(0.0, f64::max);
-    println!("{what}: {apart:.1e} apart");
     assert!(apart <= most, "{what}: {apart:.1e} apart, at most {most:.1e}");
 }
 

@@ -22,7 +22,6 @@ fn a_short_run_earns_more_and_comes_nearer() {
         trainer.iterate().expect("learns");
     }
     let last = mean(&trainer.state.policy);
-    println!("reward of 100 and share of what may be missed were {first:.2?}, after 24 iterations {last:.2?}");
     assert!(last[0] > first[0] + 5.0 && last[1] < first[1], "reward and miss were {first:.2?}, and are {last:.2?}");
 }
 

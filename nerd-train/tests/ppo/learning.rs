@@ -89,7 +89,6 @@ fn a_point_learns_to_go_home() {
     let games = play(&trainer.state.policy, &mut points(64, 30, [1.0, -1.0], |x| -x * x), &mut |_| ()).expect("plays");
     let mean = games.iter().map(|g| g.reward).sum::<f64>() / 64.0;
     // At full speed: -(0.9^2 + 0.8^2 + .. + 0.1^2) = -2.85; standing still loses 30.
-    println!("mean return {mean:.3}, best possible -2.85");
     assert!((-3.1..-2.84).contains(&mean), "mean return {mean}, best possible -2.85, standing still -30");
 }
 
@@ -117,7 +116,6 @@ fn the_first_ratio_of_an_update_is_one() {
         engine.roll(on).expect("steps");
         let before = policy.seen.clone();
         let updated = engine.update(&mut policy, &mut adam, &config, StreamKey { seed: 8, number: iteration }).expect("learns").terms;
-        println!("iteration {iteration}: KL {:.1e}, clipped {}, actor loss {:.1e}", updated.kl, updated.clipped, updated.actor);
         assert!(updated.kl.abs() < 1e-6, "iteration {iteration}: KL {:.1e} before anything was learned", updated.kl);
         assert_eq!(updated.clipped, 0.0, "iteration {iteration}: ratios beyond 1 +- 1e-4");
         // Minus the mean of the normalised advantages, which is 0, if every ratio is 1.
@@ -137,7 +135,6 @@ fn what_time_cuts_off_keeps_its_value() {
     }
     let policy = &trainer.state.policy;
     let value = policy.values(&policy.answer(&[1.0, 0.95, -1.0]));
-    println!("values {value:?}, should be 10");
     assert!(value.iter().all(|v| (9.0..11.0).contains(v)), "values {value:?}, should be 10");
 }
 

@@ -58,7 +58,6 @@ fn shipped_policies_act_elsewhere_as_they_act_here() {
     for path in all.map(|entry| entry.expect("a folder").path()).filter(|path| path.join("config.json").exists()) {
         let (config, policy) = load(&path).expect("a policy");
         let gap = apart(&policy, &config.task, 250);
-        println!("{gap:.1e} {}", path.display());
         assert!(gap < ALIKE, "{}: off by {gap:.1e}", path.display());
         (count, stacked, worst) = (count + 1, stacked + usize::from(policy.shape.stack > 1), worst.max(gap));
     }

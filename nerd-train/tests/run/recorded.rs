@@ -67,7 +67,6 @@ fn recorded_motion_is_learned_and_judged_by_what_was_held_out() {
     let pieces = measured.pieces(&measured.held_out, [0, 50, 50], 64).expect("pieces");
     let analytic = [("as described", measured.described().expect("a scene")), ("calibrated", measured.calibrated(50, 60).expect("a fit"))];
     let found = recorded(&measured, &pieces, &model, &analytic, None).expect("a verdict").expect("of a network");
-    println!("{found}");
     assert!(found.model.mean() < 0.5 * found.base.mean(), "{found}");
     // The motion is linear, and the solver made it.
     assert!(found.linear.mean() < 1e-3 * found.base.mean(), "{found}");

@@ -80,7 +80,6 @@ fn a_gradient_by_outputs_is_that_of_differences() {
             let found = body.advance_back(&own, &outputs, &upstream, &mut body.level());
             off = worse(off, apart(&found.into_iter().map(f64::from).collect::<Vec<_>>(), &expected));
         }
-        println!("{robot}, {form:?}: {off:.1e} of the largest slope off");
         assert!(off < 2e-3, "{robot}, {form:?}: {off:.1e} of the largest slope off");
     }
 }
@@ -104,6 +103,5 @@ fn rollouts_come_nearer_to_the_truth() {
         missed.push(learner.validate(200).expect("finite"));
         state = learner.state().expect("a state");
     }
-    println!("share of a change that is missed: {missed:?}");
     assert!(missed[1] < 0.8 * missed[0] && missed[3] < 0.9 * missed[1], "shares of a change that are missed: {missed:?}");
 }

@@ -222,11 +222,9 @@ impl Runs {
     /// from drawing trajectories with replacement.
     fn spread(&self, length: usize, of: impl Fn(&[&Judged], usize) -> f64) -> [f64; 3] {
         let (all, mut rng) = (self.judged.iter().collect::<Vec<_>>(), stream(self.settings.seed, 1));
-        let mut sets: Vec<f64> =
+        let sets: Vec<f64> =
             (0..SETS).map(|_| of(&all.iter().map(|_| all[rng.random_range(0..all.len())]).collect::<Vec<_>>(), length)).collect();
-        sets.sort_by(f64::total_cmp);
-        let end = |share: f64| sets[((sets.len() - 1) as f64 * share).round() as usize];
-        [of(&all, length), end(0.025), end(0.975)]
+        [of(&all, length), percentile(sets.clone(), 0.025), percentile(sets, 0.975)]
     }
 
     pub(super) fn tables(&self) -> Vec<Table> {

@@ -100,11 +100,7 @@ impl Scored {
         let drawn = |_| mean(&(0..groups.len()).flat_map(|_| groups[rng.random_range(0..groups.len())].clone()).collect::<Vec<_>>());
         let sets: Vec<Distance> = (0..SETS).map(drawn).collect();
         let end = |share: f64| {
-            let of = |field: fn(&Distance) -> f64| {
-                let mut x: Vec<f64> = sets.iter().map(field).collect();
-                x.sort_by(f64::total_cmp);
-                x[((x.len() - 1) as f64 * share).round() as usize]
-            };
+            let of = |field: fn(&Distance) -> f64| percentile(sets.iter().map(field).collect(), share);
             let (position, rotation) = (of(|g| g.position), of(|g| g.rotation));
             Distance { position, rotation, joints: of(|g| g.joints), other_side: of(|g| g.other_side) }
         };

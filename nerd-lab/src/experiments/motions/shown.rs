@@ -1,9 +1,8 @@
 //! Tables and pictures of errors along motions.
 
-use nerd_train::stats::{mean, percentile};
-
 use super::{MotionErrors, Motions};
-use crate::report::{Figure, Mark, Table, digits, or_dash};
+use crate::prelude::*;
+use crate::report::Mark;
 
 impl Motions {
     pub fn table(&self, data: &MotionErrors) -> Table {
