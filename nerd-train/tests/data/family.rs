@@ -2,6 +2,7 @@
 
 use nerd_sim::rig::Rig;
 use nerd_train::evaluate::Pieces;
+use nerd_train::stats::mean;
 
 use crate::*;
 
@@ -58,8 +59,4 @@ fn sensors_with_noise_show_what_nobody_is_judged_by() {
     assert!(seen.y == real.y && seen.x.chunks(seen.inputs).zip(real.x.chunks(seen.inputs)).all(|(a, b)| a[..d] != b[..d]));
     let exact = pieces.compare(&mut Rig::new(Articulated::new(ArticulatedConfig::accurate(&system)))).expect("compared");
     assert!(mean(&exact.error) < 1e-9, "{:?}", exact.error);
-}
-
-fn mean(x: &[f64]) -> f64 {
-    x.iter().sum::<f64>() / x.len() as f64
 }
