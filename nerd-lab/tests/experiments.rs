@@ -5,9 +5,9 @@ use std::path::Path;
 use nerd_lab::experiments::calibrated::{CalibratedAll, Calibration, Runs};
 use nerd_lab::experiments::motions::{MotionErrors, Motions, Row as MotionRow};
 use nerd_lab::experiments::passive::{Case, Passive, Protocol, Row, Rows, unworthy};
-use nerd_lab::experiments::{Entry, Experiment, conduct};
+use nerd_lab::experiments::{Entry, Experiment, conduct, policies};
 use nerd_lab::report::manifest::{Entry as Made, Manifest};
-use nerd_lab::report::{Artifact, Inputs, write_json};
+use nerd_lab::report::{Artifact, Inputs, Table, write_json};
 use nerd_lab::{choice::Choice, experiments::chart::Chart, experiments::games::games};
 use nerd_model::{base::Base, pick::Setting, transformer::Storage};
 use nerd_sim::prelude::*;
@@ -294,6 +294,48 @@ fn a_family_is_compared_by_the_frames_seen() {
         let said = said.expect_err(set).to_string();
         assert!(said.contains(why), "{set}: {said}");
     }
+}
+
+/// Two tasks, and two policies of one of them in folders that are called alike: no column is there twice, and none has what is of another.
+#[test]
+fn terms_of_rewards_have_a_column_by_policy() {
+    let row = |task: &str, policy: &str, term: f64| -> policies::Row {
+        let reward = serde_json::json!({ "mean": 1.0, "spread": 0.0, "length": 1.0 });
+        let row = serde_json::json!({ "task": task, "policy": policy, "trained_in": "-", "truth": "-", "model": null, "games": 1, "real": reward,
+            "learned": null, "gap": null, "terms": [["pace", term]] });
+        serde_json::from_value(row).expect("a row")
+    };
+    let rows = [
+        row("walk-go2", "a/walk/policy", 1.0),
+        row("walk-go2", "b/walk/policy", 2.0),
+        row("rough-go2", "c/rough/policy", 3.0),
+        row("walk-go2", "keeps still", 4.0),
+        row("rough-go2", "keeps still", 5.0),
+    ];
+    let table = policies::terms(&rows).expect("terms");
+    assert_eq!(table.header, ["task", "term", "a/walk/policy", "b/walk/policy", "rough", "keeps still"]);
+    assert_eq!(
+        table.rows,
+        [["walk-go2", "pace", "1.000", "2.000", "-", "4.000"], ["rough-go2", "pace", "-", "-", "3.000", "5.000"]],
+        "cells"
+    );
+}
+
+#[test]
+fn json_has_numbers_where_a_column_holds_nothing_else() {
+    let header = ["name", "label", "error", "games", "verdict", "none"];
+    let rows = [
+        ["1e5", "007", "1.50 / 2", "3", "1.00", "-"],
+        ["nan", "nan", "-", "1.5e-3", "under 0.01", "-"],
+        ["12", "8", "NaN +- 0.5", "-0.25", "2", "-"],
+    ];
+    let table = Table::new("some", &header).with(rows.map(|row| row.map(String::from).to_vec()));
+    let rows = serde_json::json!([
+        { "name": "1e5", "label": "007", "error": [1.5, 2.0], "games": 3.0, "verdict": "1.00", "none": null },
+        { "name": "nan", "label": "nan", "error": null, "games": 0.0015, "verdict": "under 0.01", "none": null },
+        { "name": "12", "label": "8", "error": [null, 0.5], "games": -0.25, "verdict": "2", "none": null },
+    ]);
+    assert_eq!(table.json(), rows);
 }
 
 /// On robots of a family a policy is said to fall where its games are over before their time, and no model plays.

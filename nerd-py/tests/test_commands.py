@@ -52,6 +52,14 @@ def test_a_model_is_trained_evaluated_and_used(tmp_path):
     assert np.isfinite(simulation.states).all()
 
 
+def test_names_stay_text_and_columns_of_numbers_are_numbers(tmp_path):
+    nerd.train_policy("cartpole-swingup", tmp_path / "007", envs=2, horizon=8, minibatch=16, iterations=1)
+    played = nerd.run("policy", "evaluate", policy=tmp_path / "007/policy", games=2, truth_only=True, name="played", out=tmp_path)
+    [row] = played["policies"]
+    assert (row["task"], row["policy"], row["games"], row["gap (%)"]) == ("cartpole-swingup", "007", 2.0, None), row
+    assert len(row["reward in truth"]) == 2 and all(isinstance(x, float) for x in row["reward in truth"]), row
+
+
 def test_an_interrupted_verb_leaves_no_process(tmp_path, monkeypatch):
     started = []
 

@@ -112,7 +112,7 @@ impl Array {
 type Found = (BTreeMap<String, Array>, Vec<String>);
 
 fn tensors(path: &Path, used: &dyn Fn(&str) -> bool) -> Result<Found, String> {
-    let bytes = std::fs::read(path).map_err(|e| e.to_string())?;
+    let bytes = crate::files::read(path).map_err(|e| e.to_string())?;
     let file = SafeTensors::deserialize(&bytes).map_err(|e| e.to_string())?;
     let mut names: Vec<String> = file.names().into_iter().map(String::from).collect();
     names.sort();

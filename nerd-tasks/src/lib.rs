@@ -15,7 +15,7 @@ pub use episodes::Episodes;
 pub use error::TaskError;
 pub use file::FileTask;
 pub use lead_tip::LeadTip;
-pub use registry::{general, named, names, word};
+pub use registry::{general, named, names, parts, word};
 pub use snapshot::{Beginning, Snapshot, Trace};
 pub use step::StepResult;
 pub use task::{About, Slopes, Task, View, Work, fast_start};

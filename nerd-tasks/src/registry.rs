@@ -42,7 +42,16 @@ pub fn general() -> Vec<&'static str> {
 /// What a task is called in a folder's name: `walk-go2` of `walk@robots/go2.urdf`.
 pub fn word(name: &str) -> String {
     let stem = |part: &str| Path::new(part).file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
-    name.split('@').map(stem).collect::<Vec<_>>().join("-")
+    let (task, robot) = parts(name);
+    [task].into_iter().chain(robot).map(stem).collect::<Vec<_>>().join("-")
+}
+
+/// A task's own name or path and its robot's, of `walk@go2.urdf`. Either path may have another `@`.
+pub fn parts(name: &str) -> (&str, Option<&str>) {
+    let known = |task: &str| task.ends_with(".toml") || general().contains(&task) || names().contains(&task);
+    let mut all = name.match_indices('@').map(|(at, _)| (&name[..at], Some(&name[at + 1..])));
+    let first = name.split_once('@').filter(|_| !known(name)).map(|(task, robot)| (task, Some(robot)));
+    all.find(|(task, _)| known(task)).or(first).unwrap_or((name, None))
 }
 
 /// A task by name, or by the path of its file (.toml); with `@` and a robot behind it, for that robot, unless the task is built in for another. Its own name is what it was called by.
@@ -50,7 +59,7 @@ pub fn word(name: &str) -> String {
 /// # Errors
 /// If there is none of that name, or its file or its robot is wrong.
 pub fn named(name: &str) -> Result<Box<dyn Task>, TaskError> {
-    let (task, robot) = name.split_once('@').map_or((name, None), |(task, robot)| (task, Some(robot)));
+    let (task, robot) = parts(name);
     if let Some((_, text)) = GENERAL.iter().find(|(own, _)| *own == task) {
         return Ok(Box::new(FileTask::new(name, text, robot)?));
     }

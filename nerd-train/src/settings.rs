@@ -86,7 +86,9 @@ impl Values {
                 (value.as_array().is_some_and(|all| !all.is_empty() && all.iter().all(whole)), needed)
             }
             Self::Number(range) => {
-                let needed = format!("a number from {} to {} is needed", range.start(), range.end());
+                let within =
+                    if *range == (f64::MIN..=f64::MAX) { String::new() } else { format!(" from {} to {}", range.start(), range.end()) };
+                let needed = format!("a {}number{within} is needed", if within.is_empty() { "finite " } else { "" });
                 (value.as_f64().is_some_and(|x| range.contains(&x)), needed)
             }
             Self::Positive => (value.as_f64().is_some_and(|x| x > 0.0), "a finite number above 0 is needed".into()),

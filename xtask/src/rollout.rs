@@ -12,14 +12,14 @@ use crate::{options::FRAMES, prelude::*};
 const TABLES: &str = "\
 FILE of --states has a header and one row for each trajectory and step:
   traj, step    whole numbers; the row of step 0 is the trajectory's start
-  the state     the robot's coordinates, then its velocities (rad, m, rad/s, m/s), read at step 0 alone: a floating root's
+  the state     the robot's coordinates, then its velocities (rad, m, rad/s, m/s), read at step 0 only: a floating root's
                 px py pz qx qy qz qw (unit quaternion), the joints by name, the root's twist wx wy wz vx_s vy_s vz_s about the
                 world's origin, the joints' rates d_JOINT; of cartpole x theta xdot thetadot, of pendulum q1 q2 qd1 qd2
   torques       all of tau_JOINT (N m or N) or none, held from their row's step to the next; of cartpole tau_cart tau_pole, of
                 pendulum tau1 tau2; without them no torque acts
 Columns go by these names (a TOML may give others; JOINT is q_NAME where a joint's name is taken, as `step` or `tau1` is), in
-any order; others are passed over.
-OUT has traj, step and the state, in f64 with as many digits as it takes.";
+any order; other columns are ignored.
+OUT has traj, step and the state, with all digits of an f64.";
 
 #[derive(clap::Args, Clone, Debug)]
 #[command(after_help = TABLES)]

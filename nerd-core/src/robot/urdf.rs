@@ -87,7 +87,7 @@ fn parsed(xml: &str) -> Result<urdf_rs::Robot, UrdfError> {
     // An editor's mark of its encoding is no text.
     let plain = prepared(xml.trim_start_matches('\u{feff}'))?;
     if !plain.contains('<') {
-        return Err(UrdfError::text("it has no element; give the text of the file, not its path"));
+        return Err(UrdfError::text("it has no element; the text of a URDF is needed, not its path"));
     }
     // urdf-rs may panic on text that is no URDF at all; user input never does here.
     let parsed = std::panic::catch_unwind(|| urdf_rs::read_from_string(&plain));

@@ -70,6 +70,8 @@ def main():
             return past[what == "action before last"][int(of)]
         if what == "constant":
             return 0.0
+        if what == "time since the episode began":
+            return data.time
         if what == "goal":
             return goal[int(of)]
         if what == "goal from root position":

@@ -80,7 +80,7 @@ fn gap(ours: &[f64], theirs: &[f64]) -> f64 {
 /// Plays one episode of each of `episodes`, of an analytic solver or none yet stepped, by the model in the file `onnx`; they begin as they do.
 pub fn play(python: &Path, onnx: &Path, contract: &Contract, policy: &Policy, mut episodes: Episodes) -> Result<Played> {
     if let Some(unknown) = contract.unknown().first() {
-        bail!("a policy of `{}` cannot be played by its contract alone: {unknown}", contract.task);
+        bail!("a policy of `{}` cannot be played by its contract alone: {unknown}; `policy evaluate` plays it here", contract.task);
     }
     let (batch, n) = (&episodes.simulation.batch, episodes.len());
     let (robot, joints) = (batch.system.robot.clone(), batch.system.robot.joint_count());

@@ -109,10 +109,29 @@ impl Table {
         markdown(&header, &self.rows) + &note
     }
 
-    pub fn json(&self) -> serde_json::Value {
-        let object = |row: &Vec<String>| self.header.iter().cloned().zip(row.iter().map(|c| c.clone().into())).collect();
-        serde_json::Value::Array(self.rows.iter().map(|row| serde_json::Value::Object(object(row))).collect())
+    /// Rows as objects. The first column has names. In another that holds nothing but numbers, `2.1` is a number, `1.2 / 3.4` and `1.2 +- 3.4`
+    /// are lists, and `-` and what is not finite are null.
+    pub fn json(&self) -> Value {
+        let counts = |k: usize| k > 0 && self.rows.iter().all(|row| row[k] == "-" || numbers(&row[k]).is_some());
+        let counts: Vec<bool> = (0..self.header.len()).map(counts).collect();
+        let cell = |cell: &String, counts: bool| match numbers(cell) {
+            _ if !counts => cell.clone().into(),
+            Some(one) if one.len() == 1 => one[0].into(),
+            several => several.into(),
+        };
+        let object = |row: &Vec<String>| self.header.iter().cloned().zip(row.iter().zip(&counts).map(|(c, k)| cell(c, *k))).collect();
+        Value::Array(self.rows.iter().map(|row| Value::Object(object(row))).collect())
     }
+}
+
+/// Of a cell that is one or several, as they are printed: `007` is a name.
+fn numbers(cell: &str) -> Option<Vec<f64>> {
+    let number = |part: &str| {
+        let digits = part.trim_start_matches(['+', '-']).as_bytes();
+        let printed = matches!(digits, [b'0'] | [b'0', b'.', ..] | [b'1'..=b'9', ..]) || ["NaN", "inf", "-inf"].contains(&part);
+        part.parse().ok().filter(|_| printed)
+    };
+    cell.split(" / ").flat_map(|part| part.split(" +- ")).map(number).collect()
 }
 
 /// A cell, or a dash where there is nothing.

@@ -119,7 +119,7 @@ fn search(path: &Path, above: &Path, files: &mut Vec<Found>) {
 
 /// The text of a file, or why it has none.
 pub(super) fn text(path: &Path) -> Result<String, String> {
-    let bytes = std::fs::read(path).map_err(|e| format!("cannot be read: {e}"))?;
+    let bytes = nerd_sim::files::read(path).map_err(|e| format!("cannot be read: {e}"))?;
     String::from_utf8(bytes).map_err(|e| format!("is not UTF-8 text: byte {}", e.utf8_error().valid_up_to()))
 }
 

@@ -24,7 +24,9 @@ def _word(value):
 def run(*verb, **options):
     """A verb with its options, `run("evaluate", robot="ant", solver="neural")`; its tables, by name, each a list of rows.
 
-    Of a cell `2.1` you get a number, of `1.2 / 3.4` or `1.2 +- 3.4` a list of them, and None of `-`. `starts=8` is `--starts 8`, `stream=True` is `--stream`, a list is joined by commas. What it tells goes to standard error.
+    The first column has names. In another that holds nothing but numbers, `2.1` is a number, `1.2 / 3.4` and `1.2 +- 3.4` are lists, and `-`
+    and NaN are None. `starts=8` is `--starts 8`, `stream=True` is `--stream`, a list is joined by commas. What it tells goes to standard
+    error.
 
     Raises ValueError with the one line that it was refused with.
     """
@@ -63,17 +65,7 @@ def _run(verb, options):
     if options.get("help"):
         print(said)
         return {}, told
-    tables = json.loads(said) if said.strip() else {}
-    return {name: [{of: _value(cell) for of, cell in row.items()} for row in rows] for name, rows in tables.items()}, told
-
-
-def _value(cell):
-    """What a cell of a table says."""
-    try:
-        numbers = [float(part) for part in re.split(r" / | \+- ", cell)]
-    except ValueError:
-        return None if cell == "-" else cell
-    return numbers if len(numbers) > 1 else numbers[0]
+    return json.loads(said) if said.strip() else {}, told
 
 
 def _named(line):

@@ -23,7 +23,9 @@ pub fn claim(folder: &Path) -> Result<Claim> {
     // A claim that ends may remove the folder just before it is locked here: then it is made again.
     for _ in 0..100 {
         let made = folder.ancestors().take_while(|f| !f.as_os_str().is_empty() && !f.exists()).map(PathBuf::from).collect();
-        std::fs::create_dir_all(folder).map_err(named)?;
+        std::fs::create_dir_all(folder)
+            .map_err(|e| if folder.is_file() { Error::new(e.kind(), "is a file, not a folder") } else { e })
+            .map_err(named)?;
         let Ok((file, path)) = opened(folder) else { continue };
         match file.try_lock() {
             Err(TryLockError::WouldBlock) => {

@@ -54,9 +54,19 @@ pub fn write_with(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) 
     Ok(())
 }
 
+/// The bytes of a file. What is none may never end, as a device or a pipe that nobody writes to.
+pub fn read(path: &Path) -> Result<Vec<u8>> {
+    let refused = |kind, said| Err(Error::new(kind, said));
+    match std::fs::metadata(path)? {
+        there if there.is_dir() => refused(std::io::ErrorKind::IsADirectory, "is a folder, not a file"),
+        there if !there.is_file() => refused(std::io::ErrorKind::InvalidInput, "is a pipe or a device; save what it holds as a file"),
+        _ => std::fs::read(path),
+    }
+}
+
 /// A text file; says where it is not UTF-8.
 pub fn read_text(path: &Path) -> Result<String> {
-    String::from_utf8(std::fs::read(path)?).map_err(|e| {
+    String::from_utf8(read(path)?).map_err(|e| {
         let at = e.utf8_error().valid_up_to();
         let line = 1 + e.as_bytes()[..at].iter().filter(|b| **b == b'\n').count();
         Error::new(std::io::ErrorKind::InvalidData, format!("not UTF-8 at byte {at}, line {line}; save it as UTF-8"))

@@ -108,6 +108,12 @@ fn a_text_that_is_none_is_told_with_its_place() {
     std::fs::write(&path, b"one\ntwo \xff").expect("written");
     let error = read_text(&path).expect_err("no text");
     assert!(error.to_string().contains("byte 8, line 2"), "{error}");
+    for (path, said) in [(folder.path(), "is a folder"), (Path::new("/dev/null"), "is a pipe or a device")] {
+        let error = read_text(path).expect_err("no file");
+        assert!(error.to_string().contains(said) || cfg!(windows), "{error}");
+    }
+    let error = claim(&path).expect_err("no folder").to_string();
+    assert!(error.contains("is a file, not a folder"), "{error}");
     let full = |file: &mut dyn Write| file.write_all(b"ha").and(Err(Error::other("disk full")));
     assert!(write_with(&path, full).expect_err("full").to_string().contains("disk full"));
     assert_eq!(names(folder.path()), ["text"]);

@@ -53,6 +53,9 @@ impl FileTask {
             terrain.check().map_err(|e| wrong(format!("terrain: {e}")))?;
         }
         let system = keys.fit(System::named(robot)?)?;
+        if system.robot.joint_count() == 0 && keys.act.is_none() {
+            return Err(wrong(format!("`{}` has no joint that moves: there is nothing to act with", system.name)));
+        }
         let ground = keys.terrain.map(|_| TERRAIN.into()).or_else(|| system.spec.data_scene.clone());
         let usual = ground.unwrap_or_else(|| "free".into());
         levels(&keys).map_err(wrong)?;

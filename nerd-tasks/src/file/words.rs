@@ -145,7 +145,8 @@ impl Facts {
             | "world_spin"
                 if !robot.floating() =>
             {
-                return Some(Err(format!("`{name}` is of a free root, and the base of `{}` is fixed", system.name)));
+                let fixed = format!("`{name}` is of a free root, and the base of `{}` is fixed", system.name);
+                return Some(Err(format!("{fixed} (`floating = true` in its .toml frees it)")));
             }
             "position" => root(0..3),
             "quaternion" => root(3..7),

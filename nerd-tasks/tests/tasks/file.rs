@@ -98,6 +98,11 @@ fn what_is_wrong_with_a_file_is_said_with_its_place() {
     );
     assert!(named("ant-run@ant").is_ok() && said("wlk@ant").starts_with("no task `wlk`: "), "{}", said("wlk@ant"));
     assert!(said("no/such.toml").contains("no/such.toml"), "{}", said("no/such.toml"));
+    assert!(said("walk@cube").ends_with("`cube` has no joint that moves: there is nothing to act with"), "{}", said("walk@cube"));
+    for (name, [task, robot]) in [("a@b/my.toml@c@d/go2.xml", ["a@b/my.toml", "c@d/go2.xml"]), ("walk@lead.toml", ["walk", "lead.toml"])] {
+        assert_eq!(nerd_tasks::parts(name), (task, Some(robot)));
+    }
+    assert_eq!(nerd_tasks::parts("a@b/my.toml"), ("a@b/my.toml", None));
 }
 
 /// A scan goes by where the robot heads, however it leans; on flat ground it is flat.

@@ -29,6 +29,9 @@ pub(super) fn draws(task: &dyn Task, system: &System) -> Vec<Draw> {
         task.draw_goal(&mut rng, &mut goal);
         let first = goal.len() - task.memory();
         goal[first..].iter_mut().for_each(|a| *a = rng.random_range(-1.0..1.0));
+        if let Some(steps) = goal.get_mut(first + 2 * task.action_dim()) {
+            *steps = rng.random_range(0..task.episode_length()) as f64;
+        }
         Draw { state, goal }
     };
     (0..STATES).map(draw).collect()
@@ -96,6 +99,9 @@ fn quantities(task: &dyn Task, system: &System, Draw { state, goal }: &Draw) -> 
     let (goal, past) = goal.split_at(goal.len() - task.memory());
     for (what, past) in ["last action", "action before last"].into_iter().zip(past.chunks(task.action_dim().max(1))) {
         past.iter().enumerate().for_each(|(k, x)| put(what, &k.to_string(), "1", *x));
+    }
+    if let Some(steps) = past.get(2 * task.action_dim()) {
+        put("time since the episode began", "", "s", steps * system.frame_time * task.frames() as f64);
     }
     for (k, x) in goal.iter().enumerate() {
         put("goal", &k.to_string(), "", *x);

@@ -54,7 +54,8 @@ pub fn save(folder: &Path, config: &PolicyConfig, policy: &Policy, card: &str) -
 pub fn load(folder: &Path) -> Result<(PolicyConfig, Policy)> {
     let (path, mut config) = config(folder)?;
     let own = folder.join(TASK);
-    let (mut task, mut robot) = config.task.split_once('@').map_or((&*config.task, None), |(task, robot)| (task, Some(robot.to_string())));
+    let (mut task, robot) = nerd_tasks::parts(&config.task);
+    let mut robot = robot.map(String::from);
     if own.exists() {
         // As it was when the policy learned.
         task = own.to_str().unwrap_or(task);

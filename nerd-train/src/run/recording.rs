@@ -18,17 +18,17 @@ settings! {
         /// What is recorded: articulated (accurate), paper (the reference simulator's method) or rapier [default: the robot's own,
         /// paper for robots NAME-paper, else articulated]
         truth: Option<Truth> = None, Words(&["articulated", "paper", "rapier"]);
-        /// Frames of a trajectory: few, and data has many starts and first contacts
+        /// Frames of a trajectory; if they are few, data has many starts and first contacts
         frames: usize = 100, Whole(FRAMES);
-        /// Least factor on the random torques, drawn once a trajectory from U(this, 1), below 0 counting as 0 (-1: half of the
-        /// trajectories are passive, as models are asked in rollouts)
+        /// Lower end of the factor on the random torques, drawn once per trajectory from U(this, 1); a draw below 0 counts as 0 (-1: half
+        /// of the trajectories are passive, as in rollouts)
         torque_scale: f64 = 1.0, Number(-10.0..=1.0);
         /// Largest number of frames for which a random action is held, drawn once per trajectory
         hold: usize = 1, Whole(FRAMES);
-        /// Share of the trajectories that start as evaluations and tasks do, not from the training ranges
+        /// Share of the trajectories that start as evaluations and tasks do, instead of from the training ranges
         resets: f64 = 0.0, Number(0.0..=1.0);
-        /// Folders of policies that act in part of the data, each in its task: random torques seldom go where they go. They are
-        /// noisy, a quarter of their trajectories begin fast, in a quarter they take turns
+        /// Folders of policies that act in part of the data, each in its own task, since random torques seldom go where policies go. Noise
+        /// is added; a quarter of their trajectories begin fast, and in a quarter policies take turns
         policy: Vec<PathBuf> = Vec::new(), Texts;
         /// Share of the trajectories that policies act in
         policy_share: f64 = 0.5, Number(0.0..=1.0);

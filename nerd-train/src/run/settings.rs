@@ -43,7 +43,7 @@ settings! {
         data: Option<PathBuf> = None, Text;
         /// Trajectories of a log that nothing learns from, comma-separated [default: every fifth, or the last fifth of each]
         held_out: Option<Vec<u64>> = None, Wholes(0..=u64::MAX);
-        /// Transitions to record before
+        /// Transitions to record before the run
         transitions: usize = 10_000_000, Whole(TRANSITIONS);
         /// Transitions recorded during the run, which replace the oldest, against overfitting
         fresh: usize = 0, Whole(0..=*TRANSITIONS.end());
@@ -65,8 +65,8 @@ settings! {
         optimizer: Optimizer = Optimizer::Adam, Words(&["adam", "muon"]);
         /// Error, in standard deviations of a target, at which the pseudo-Huber loss turns from quadratic to linear (the paper: quadratic)
         huber: Option<f32> = None, Positive;
-        /// Added to the variance of every target before it is scaled; the paper's lets targets count less that vary by less than
-        /// some 3e-3 of their unit [default: the paper's, 1e-5; a run --from a model has its]
+        /// Added to the variance of every target before it is scaled; with the paper's value, targets that vary by less than about 3e-3 of
+        /// their unit count less [default: the paper's, 1e-5; a run --from a model has its]
         epsilon: Option<f64> = None, Number(1e-30..=1.0);
         /// Decay of the moving average of the weights, per update
         average: f64 = 0.9995, Number(0.0..=1.0);
@@ -78,12 +78,12 @@ settings! {
         log_every: u64 = 500, Whole(UPDATES);
         /// Starts of the rollout evaluation at each validation; its error picks the best weights. 0: the loss does
         rollouts: usize = 64, Whole(0..=*STARTS.end());
-        /// Stop with a checkpoint after so many minutes; the same command continues
+        /// Stop with a checkpoint after this many minutes; the same command continues
         minutes: Option<f64> = None, Positive;
         /// Stop training and export the best weights so far as a model
         finish: bool = false, Flag;
-        /// Where to compute: cpu; cuda, NVIDIA's (needs a build with `--features cuda`); wgpu, any card (`--features wgpu`); flex, the CPU
-        /// through burn (`--features burn`)
+        /// Where to compute: cpu; cuda, on NVIDIA's cards (needs a build with `--features cuda`); wgpu, on any card (`--features wgpu`);
+        /// flex, on the CPU through burn (`--features burn`)
         device: Device = Device::Cpu, Words(Device::WORDS);
         /// Matrix arithmetic on CUDA: f32 throughout instead of TF32
         f32: bool = false, Flag;

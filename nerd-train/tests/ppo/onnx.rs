@@ -127,4 +127,9 @@ fn a_contract_says_what_every_number_is() {
     let last = walk.observation.last().and_then(|seen| seen.quantity.as_deref());
     assert!(walk.unknown().is_empty() && last == Some("last action") && (walk.rate - 50.0).abs() < 1e-9, "{walk:?}");
     assert_eq!(walk.commands[2], ("turn".to_string(), [-1.0, 1.0]));
+    // A clock is one, its sine and cosine are not.
+    let gait = written(concat!(env!("CARGO_MANIFEST_DIR"), "/../nerd-tasks/tests/tasks/gait.toml@anymal"), 1);
+    let time = &gait.observation[5];
+    assert!(time.quantity.as_deref() == Some("time since the episode began") && (&*time.unit, time.scale) == ("s", 1.0), "{time:?}");
+    assert!(gait.unknown().len() == 1 && gait.unknown()[0].contains("observation 3, 4:"), "{:?}", gait.unknown());
 }

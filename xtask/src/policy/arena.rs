@@ -14,14 +14,14 @@ pub struct ArenaArgs {
     /// Folder of the model of `neural` [default: models/TASK if it is there, else models/ROBOT]
     #[arg(long)]
     pub model: Option<PathBuf>,
-    /// Family of the task's robot, as `ant-family`, or the path of a URDF whose TOML has `[vary]`: one of its robots in each environment, drawn by
-    /// the seed. A model of it (models/FAMILY, or --model) has seen each come to where its episode begins
+    /// Family of the task's robot, such as `ant-family`, or the path of a URDF whose TOML has `[vary]`: each environment gets one of its
+    /// robots, drawn by the seed. A model of a family (models/FAMILY, or --model) is first shown each robot until its episode begins
     #[arg(long, value_name = "ROBOT")]
     pub family: Option<String>,
-    /// Frames that a model of a family has seen of a robot [default: 60]
+    /// Frames of a robot that a model of a family is shown [default: 60]
     #[arg(long, value_parser = value::<u64>(Whole(1..=1_000_000)))]
     pub shown: Option<u64>,
-    /// Folder of the policy that acts in those
+    /// Folder of the policy that acts in those frames
     #[arg(long, value_name = "POLICY")]
     pub shown_by: Option<PathBuf>,
     /// Where `neural` or `articulated` is computed [default: cpu]

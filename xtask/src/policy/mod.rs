@@ -43,7 +43,7 @@ pub struct TrainArgs {
     pub robot: Option<String>,
     #[command(flatten)]
     pub arena: ArenaArgs,
-    /// From samples (ppo), or from slopes (shac), which articulated and models of single frames have
+    /// Learn from samples (ppo), or from slopes (shac), which articulated and models of single frames have
     #[arg(long, value_parser = word::<Algorithm>(Algorithm::WORDS), default_value = "ppo", conflicts_with = "config")]
     pub algorithm: Algorithm,
     /// Settings of PPO: `paper`, or `small` where steps are dear [default: paper; small on the CPU in a learned simulator and for tasks for any robot]
@@ -67,7 +67,7 @@ pub struct TrainArgs {
     /// Stop once the mean reward of the last episodes has reached this
     #[arg(long, value_parser = value::<f64>(Number(f64::MIN..=f64::MAX)))]
     pub until: Option<f64>,
-    /// Stop with a checkpoint after so many minutes; the same command continues
+    /// Stop with a checkpoint after this many minutes; the same command continues
     #[arg(long, value_parser = value::<f64>(Positive))]
     pub minutes: Option<f64>,
     /// Seed of weights, noise and starts
@@ -88,7 +88,7 @@ pub struct ShowArgs {
     /// Seed of the start
     #[arg(long, default_value_t = 0, value_parser = value::<u64>(Whole(SEEDS)))]
     pub seed: u64,
-    /// What it is asked for, in place of what the seed draws: commands of the task, such as ahead=0.5,turn=0
+    /// Commands of the task, in place of those that the seed draws, such as ahead=0.5,turn=0
     #[arg(long, value_name = "NAME=NUMBER,...", allow_hyphen_values = true)]
     pub command: Option<String>,
     /// HTML file to write
@@ -140,13 +140,13 @@ fn show(args: ShowArgs) -> Result<()> {
     let (config, policy) = folder::load(&args.policy)?;
     let task = config.task;
     let arena = args.arena.of(&task)?;
-    let (mut title, mut episodes) = (format!("{task} on {}", arena.title()?), arena.episodes(&task, 1, args.seed)?);
-    if let Some(command) = &args.command {
-        if let Err(said) = episodes.ask(0, command) {
-            bail!("--command: {said}");
-        }
-        title = format!("{title}, {command}");
+    let mut episodes = arena.episodes(&task, 1, args.seed)?;
+    if let Some(Err(said)) = args.command.map(|command| episodes.ask(0, &command)) {
+        bail!("--command: {said}");
     }
+    let commands = episodes.task.commands();
+    let asked = commands.iter().zip(episodes.view(0).goal).map(|((name, _), x)| format!(", {name} {}", (x * 1e3).round() / 1e3));
+    let title = format!("{} in {}{}", folder::called(&args.policy)?, arena.title()?, asked.collect::<String>());
     let (page, reward) = replay::episode(&policy, &mut episodes, &title)?;
     say!("{title}: {} steps, reward {reward:.1}", page.frames());
     out::replay(&args.out, &page)

@@ -102,8 +102,15 @@ fn a_policy_is_trained_continued_played_and_shown() {
     let json = json(table.join("policy/result.json"));
     assert!(json["provenance"]["commit"].is_string() && json["rows"][0]["real"]["mean"].as_f64().is_some(), "{json}");
     done(&format!("policy show --policy {} --out", policy.display()), &[&page]);
-    let html = text(page);
+    let html = text(&page);
     assert!(html.contains("\"poses\":[[[") && !html.contains("http") && !html.contains("src="), "a page that loads nothing");
+    let walker = folder.path("walker");
+    done("policy train walk --robot ant --envs 2 --horizon 8 --minibatch 16 --iterations 1 --out", &[&walker]);
+    let show = format!("policy show --policy {} --command", walker.join("policy").display());
+    done(&format!("{show} ahead=0.50,turn=-0.25,aside=0 --out"), &[&page]);
+    let html = text(&page);
+    assert!(html.contains("walk-ant in articulated accurate, ahead 0.5, aside 0, turn -0.25"), "{}", &html[..html.len().min(400)]);
+    refused(&format!("{show} speed=1 --out"), &[&page], "choose from ahead, aside, turn");
     // The weights of the policy under another task's name.
     let config = text(policy.join("config.json"));
     std::fs::write(policy.join("config.json"), config.replace("cartpole-swingup", "ant-run")).expect("written");

@@ -27,23 +27,23 @@ settings! {
         data: Option<PathBuf> = None, Text;
         /// Name of the result [default: calibrate- and the TOML's first word]
         name: String = String::new(), Text;
-        /// Solvers, comma-separated: articulated, fitted by slopes where its robot has them, and rapier, which is searched
+        /// Solvers, comma-separated: articulated, fitted by slopes if its robot has them, and rapier, fitted by a search
         solvers: Vec<String> = vec!["articulated".into(), "rapier".into()], Texts;
         /// Substeps of `articulated` (the implicit step)
         substeps: usize = 4, Whole(1..=1024);
         /// Parameters, comma-separated [default: all that free motion may determine]
         parameters: Vec<String> = Vec::new(), Texts;
-        /// Parameters that each trajectory has of its own, comma-separated, such as zeros of sensors that were set by hand: fitted together
-        /// with the others, and of a judged trajectory to what is --before. Every trajectory is judged once then, by the other folds: the
-        /// log's, or as many as there are --splits; over half as many, as many and twice as many frames as --frames
+        /// Parameters that each trajectory has for itself, comma-separated, such as zeros of sensors that were set by hand. They are fitted
+        /// together with the others; for a judged trajectory, to its frames --before. Every trajectory is then judged once, by the other
+        /// folds: those of the log, or as many as there are --splits; over half as many, as many and twice as many frames as --frames
         own: Vec<String> = Vec::new(), Texts;
-        /// With --own: parameters, comma-separated, that a trajectory may have of its own near what all share, or near the robot as described if
-        /// they are none of --parameters. How near is chosen within the folds that were learned from
+        /// With --own: parameters, comma-separated, that a trajectory may have for itself near what all share, or, if they are none of
+        /// --parameters, near the robot as described. How near is chosen within the folds that were learned from
         held: Vec<String> = Vec::new(), Texts;
         /// With --own: frames of each trajectory before its first judged rollout
         before: usize = 0, Whole(0..=*FRAMES.end());
-        /// Folders of models of the robot, or of a family of its kind, comma-separated: judged beside, shown the frames before each rollout
-        /// and shown none. Those that learned from the log are judged where they held out what is judged
+        /// Folders of models of the robot, or of a family of its kind, comma-separated. They are judged too, once shown the frames before
+        /// each rollout and once shown none. Those that learned from the log are judged on what they held out
         models: Vec<PathBuf> = Vec::new(), Texts;
         /// Random splits by trajectory: fitted to one part, judged on another
         splits: usize = 5, Whole(1..=100);

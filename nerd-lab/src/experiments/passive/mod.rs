@@ -31,8 +31,8 @@ settings! {
         drive: f64 = 0.0, Number(0.0..=1e3);
         /// No torques at all, not even those that hold a default pose
         limp: bool = false, Flag;
-        /// Noise (rad/s or m/s) on all velocities after every frame of the solver: with the truth itself, how far the motion's own
-        /// sensitivity drives apart what differs a little
+        /// Noise (rad/s or m/s) on all velocities after every frame of the solver. With the truth itself as the solver, this shows how far
+        /// the motion's own sensitivity drives small differences apart
         shake: f64 = 0.0, Number(0.0..=1e3);
         /// Starts from which a model is judged beside its base alone, a linear map and the analytic solver, on one core of the CPU; 0: it
         /// is not judged
@@ -44,10 +44,10 @@ settings! {
         before: Option<usize> = None, Whole(0..=*FRAMES.end());
         /// With --data: frames between starts [default: those of a rollout]
         every: Option<usize> = None, Whole(FRAMES);
-        /// With --data: another log (its TOML or folder), in which trajectories begin where held-out ones are at some frame, as another
-        /// simulator or other steps continue them: the model is judged from these starts, and that stands beside it
+        /// With --data: another log (its TOML or folder) whose trajectories begin at frames of held-out ones and continue them by another
+        /// simulator or by other steps. The model is judged from these starts, with that log beside it
         beside: Option<PathBuf> = None, Text;
-        /// With --data: evaluations in which the analytic solver is calibrated; 0: it is judged as the robot is described, and no more
+        /// With --data: evaluations in which the analytic solver is calibrated; 0: it is judged only as the robot is described
         evaluations: usize = 300, Whole(0..=1_000_000);
     }
 }

@@ -18,8 +18,8 @@ settings! {
         name: String = String::new(), Text;
         /// Folders of policies, comma-separated [default: all in models/policies]
         policy: Vec<PathBuf> = Vec::new(), Texts;
-        /// The strict protocol: seeds never used before, comma-separated. Of each and every task a policy is trained in the
-        /// frozen model, unless it is there; then all are played
+        /// The strict protocol: seeds never used before, comma-separated. For each of them and each task a policy is trained in the frozen
+        /// model, unless it is there; then all are played
         fresh: Vec<u64> = Vec::new(), Wholes(SEEDS);
         /// With `fresh`: seeds of policies that are trained in the truth [default: none]
         truth_seeds: Vec<u64> = Vec::new(), Wholes(SEEDS);
@@ -47,7 +47,7 @@ settings! {
     }
 }
 
-pub use tables::{Row, short};
+pub use tables::{Row, short, terms};
 
 impl Policies {
     pub fn folders(&self) -> Result<Vec<PathBuf>> {

@@ -89,18 +89,34 @@ pub fn each(rows: &[Row]) -> Table {
     table
 }
 
-/// Terms of rewards, a line each and a column by policy, if there are any.
+/// Terms of rewards, a line each and a column by policy, if there are any. Who keeps still has one column for all tasks; policies of a task
+/// whose folders are called alike have their paths.
 pub fn terms(rows: &[Row]) -> Option<Table> {
-    let rows: Vec<&Row> = rows.iter().filter(|row| !row.terms.is_empty()).collect();
-    let names: Vec<(&str, &str)> = rows.iter().flat_map(|row| row.terms.iter().map(|(name, _)| (&*row.task, &**name))).collect();
-    let names = (0..names.len()).filter(|k| !names[..*k].contains(&names[*k])).map(|k| names[k]);
-    let lines = names.map(|(task, name)| {
-        let of = |row: &&Row| row.terms.iter().find(|term| row.task == task && term.0 == name).map(|term| format!("{:.3}", term.1));
-        [task.to_string(), name.into()].into_iter().chain(rows.iter().map(|row| or_dash(of(row)))).collect()
-    });
-    let header: Vec<String> = ["task".into(), "term".into()].into_iter().chain(rows.iter().map(|row| short(&row.policy))).collect();
-    let header: Vec<&str> = header.iter().map(String::as_str).collect();
+    let alike = |a: &Row, b: &Row| a.task == b.task && a.policy != b.policy && short(&a.policy) == short(&b.policy);
+    let called = |row: &Row| if rows.iter().any(|other| alike(row, other)) { row.policy.clone() } else { short(&row.policy) };
+    let rows: Vec<(&Row, String)> = rows.iter().filter(|row| !row.terms.is_empty()).map(|row| (row, called(row))).collect();
+    let names = once(rows.iter().flat_map(|(row, _)| row.terms.iter().map(|term| (&*row.task, &*term.0))));
+    let policies = once(rows.iter().map(|(_, policy)| &**policy));
+    let cell = |task: &str, name: &str, policy: &str| {
+        let row = rows.iter().find(|(row, own)| row.task == task && own == policy);
+        or_dash(row.and_then(|(row, _)| row.terms.iter().find(|term| term.0 == name)).map(|term| format!("{:.3}", term.1)))
+    };
+    let line = |(task, name): (&str, &str)| {
+        [task.into(), name.into()].into_iter().chain(policies.iter().map(|policy| cell(task, name, policy))).collect()
+    };
+    let header: Vec<&str> = ["task", "term"].into_iter().chain(policies.iter().copied()).collect();
+    let lines = names.into_iter().map(line);
     (!rows.is_empty()).then(|| Table::new("terms", &header).with(lines).noted("In the truth, mean of all steps."))
+}
+
+/// Those that differ, in their order.
+fn once<T: PartialEq>(all: impl Iterator<Item = T>) -> Vec<T> {
+    all.fold(Vec::new(), |mut all, x| {
+        if !all.contains(&x) {
+            all.push(x);
+        }
+        all
+    })
 }
 
 /// A miss in its task's own unit; without one, as a share of what is allowed.
@@ -126,13 +142,8 @@ fn of<'a>(rows: &'a [Row], task: &str, learned: bool) -> Vec<&'a Row> {
 
 /// Gaps by task and seed, and what policies earn in the truth by where they were trained.
 pub fn gaps(rows: &[Row]) -> Table {
-    let mut tasks: Vec<&str> = nerd_tasks::names();
-    tasks.retain(|task| rows.iter().any(|r| r.task == *task));
-    rows.iter().for_each(|r| {
-        if !tasks.contains(&r.task.as_str()) {
-            tasks.push(&r.task)
-        }
-    });
+    let given = |task: &&str| rows.iter().any(|r| r.task == *task);
+    let tasks = once(nerd_tasks::names().into_iter().filter(given).chain(rows.iter().map(|r| &*r.task)));
     let lines = tasks.into_iter().map(|task| {
         let (learned, truth) = (of(rows, task, true), of(rows, task, false));
         let gaps = |rows: &[&Row]| rows.iter().filter_map(|r| r.rewards.gap).collect::<Vec<_>>();
