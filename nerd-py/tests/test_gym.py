@@ -129,6 +129,19 @@ def test_seeds_and_resets():
     assert (unseeded[0] != unseeded[1]).any()
 
 
+@pytest.mark.parametrize(
+    "asked",
+    [{"n": 2.5}, {"n": "3"}, {"n": True}, {"n": 2**70}, {"n": 0}, {"n": 10**9}, {"task": 3}, {"robot": 3}, {"robot": ["ant"]}, {"solver": None}]
+    + [{"family": float("nan")}, {"autoreset_mode": "x"}, {"device": "gpu"}, {"solver": "nothing"}, {"robot": "nothing.urdf"}],
+)
+def test_what_makes_no_sense_is_refused_in_one_line_by_its_name(asked):
+    with pytest.raises((TypeError, ValueError)) as error:
+        nerd.make_vec(**{"task": "walk", "robot": "ant"} | asked)
+    [(name, value)] = asked.items()
+    said = str(error.value)
+    assert "\n" not in said and (said.startswith(name) or str(value) in said), said
+
+
 @pytest.mark.parametrize("solver", ["articulated", "neural", "rapier"])
 def test_every_solver_plays(solver):
     env = nerd.make_vec("cartpole-swingup", n=3, solver=solver)

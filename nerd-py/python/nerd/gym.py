@@ -1,11 +1,13 @@
 """Tasks as Gymnasium environments: one at a time (`gymnasium.make("nerd/AntRun-v0")`), or n at once (`nerd.make_vec`)."""
 
+import os
+
 import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from ._nerd import Task
+from ._nerd import System, Task
 
 
 def make_vec(task, robot=None, n=1, *, solver="articulated", device="cpu", autoreset_mode=None, xp=None, family=None):
@@ -22,6 +24,14 @@ def make_vec(task, robot=None, n=1, *, solver="articulated", device="cpu", autor
 
 
 def _vector(num_envs=1, *, device="cpu", autoreset_mode=None, xp=None, **of):
+    if isinstance(num_envs, bool) or not isinstance(num_envs, (int, np.integer)) or abs(num_envs) >= 2**63:
+        raise TypeError(f"n={num_envs!r}: a whole number of environments is needed")
+    for name, value in of.items():
+        kinds = (str, os.PathLike, System, type(None)) if name in ("robot", "family") else (str, os.PathLike)
+        if not isinstance(value, kinds):
+            raise TypeError(f"{name}: a name or a path is needed, not {type(value).__name__}")
+    if autoreset_mode is not None and autoreset_mode not in [*AutoresetMode, *(mode.value for mode in AutoresetMode)]:
+        raise ValueError(f"autoreset_mode={autoreset_mode!r}: choose from {', '.join(map(str, AutoresetMode))}")
     if device == "cpu" and xp is None:
         return TaskVectorEnv(num_envs, autoreset_mode=autoreset_mode or AutoresetMode.NEXT_STEP, **of)
     if device != "cuda" or xp is None:
