@@ -278,19 +278,20 @@ fn the_truths_own_settings_judge_as_the_truth_does() {
 #[test]
 fn a_family_is_compared_by_the_frames_seen() {
     let settings = |set: &[&str]| Entry::named("family").and_then(|e| e.with(&set.iter().map(|s| s.to_string()).collect::<Vec<_>>()));
-    let small = ["robots=6", "frames=12", "seen=0,3,40"];
+    let small = ["robots=6", "frames=12", "seen=0,3,40", "evaluations=300"];
     let measured = settings(&small).and_then(|family| family.measure()).expect("measured");
     let table = &measured.tables[0];
     let error = |row: usize, seen: usize| table.rows[row][1 + seen].split(' ').next().and_then(|x| x.parse::<f64>().ok());
     let names: Vec<&str> = table.rows.iter().map(|row| row[0].as_str()).collect();
-    assert_eq!(names.len(), 3, "{names:?}");
+    assert_eq!(names.len(), 4, "{names:?}");
     let at = |row: usize| error(row, 2).expect("a number");
     assert!(at(2) < 0.7 * at(1) && at(1) < at(0), "told {}, described {}, still {}", at(2), at(1), at(0));
-    // What remembers nothing has seen nothing.
+    // What remembers nothing has seen nothing; what is calibrated on nothing is not there.
     assert_eq!(error(0, 0), error(0, 2));
+    assert!(error(3, 0).is_none() && at(3) < at(1), "calibrated {}, described {}", at(3), at(1));
     assert_eq!(measured.figures.len(), 1);
     for (set, why) in [("robot=pendulum", "give its TOML a [vary]"), ("seen=-1", "whole numbers"), ("models=out/nothing", "out/nothing")] {
-        let said = settings(&[set, "robots=2", "frames=2", "seen=1"]).and_then(|family| family.measure().map(|_| ()));
+        let said = settings(&[set, "robots=2", "frames=2", "seen=1", "evaluations=0"]).and_then(|family| family.measure().map(|_| ()));
         let said = said.expect_err(set).to_string();
         assert!(said.contains(why), "{set}: {said}");
     }

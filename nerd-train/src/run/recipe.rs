@@ -25,7 +25,8 @@ macro_rules! shipped {
 
 const SHIPPED: &[(&str, &str)] = shipped!("paper" "small" "quick" "urdf" "cartpole" "pendulum" "cube" "franka" "ant" "anymal" "chain"
     "chain-large" "cartpole-paper" "pendulum-paper" "ant-paper" "franka-paper" "anymal-paper" "cube-paper" "pendulum-family"
-    "franka-family" "ant-family" "anymal-family" "cube-family" "cube-single" "elbow-family" "ant-rapier");
+    "franka-family" "ant-family" "anymal-family" "cube-family" "cube-single" "elbow-family" "elbow-single"
+    "ant-rapier");
 
 /// Keys of how data is recorded.
 const RECORDS: [&str; 7] = ["transitions", "fresh", "torque-scale", "hold", "resets", "policy", "policy-share"];

@@ -1,7 +1,10 @@
 //! Robots of a family that nobody has seen: how far solvers drift from each in its truth, by the frames that they were shown before.
 //!
 //! All start from the same states and are driven by the same torques, whatever is shown; so a line that falls is knowledge of the robot. Beside
-//! models stand `articulated` on the robot as its files have it, and told all that was drawn but ripples: the best that equations do.
+//! models stand `articulated` on the robot as its files have it, and told all that was drawn but ripples: the best that equations do. Two ways
+//! bring what knows another robot to each of these: a network with memory sees its frames, and `articulated` is calibrated on them.
+
+mod calibrated;
 
 use nerd_sim::dataset::GenerateConfig;
 use nerd_sim::instruments::{Hold, Timed};
@@ -28,6 +31,8 @@ settings! {
         drive: f64 = 1.0, Number(0.0..=1e3);
         /// Most frames for which a torque is held
         hold: usize = 8, Whole(FRAMES);
+        /// Evaluations in which `articulated` is calibrated on what is shown of each robot; 0: it is not
+        evaluations: usize = 300, Whole(0..=1_000_000);
         /// Where models are computed
         device: Device = Device::Cpu, Words(&["cpu", "cuda", "cuda-f32"]);
         /// Seed of robots, starts and torques; training draws others
@@ -40,16 +45,20 @@ pub struct Row {
     pub of: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model: Option<String>,
-    pub reports: Vec<PassiveReport>,
+    /// By the frames shown; none where nothing can be said.
+    pub reports: Vec<Option<PassiveReport>>,
     /// Of a frame of one robot, all solvers on as many threads as there are.
     pub microseconds: f64,
+    /// What it takes to know a robot by the most frames on one core (s); nothing, but for a calibration.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seconds: Option<f64>,
 }
 
 impl Row {
     /// By the k-th number of frames: mean over the quantities, with the largest of their standard errors.
-    fn error(&self, k: usize) -> [f64; 2] {
-        let report = &self.reports[k];
-        [mean(&report.error), report.standard_error.iter().copied().fold(0.0, f64::max)]
+    fn error(&self, k: usize) -> Option<[f64; 2]> {
+        let report = self.reports[k].as_ref()?;
+        Some([mean(&report.error), report.standard_error.iter().copied().fold(0.0, f64::max)])
     }
 }
 
@@ -60,6 +69,12 @@ impl Family {
             bail!("--set robot={}: nothing of it is drawn; give its TOML a [vary]", self.robot);
         }
         Ok(system)
+    }
+
+    /// The robot that a family of a file is like has its file beside it.
+    fn beside(&self, name: &str) -> Result<Arc<System>> {
+        let file = Path::new(&self.robot).extension().map(|kind| Path::new(&self.robot).with_file_name(name).with_extension(kind));
+        Ok(System::named(file.filter(|file| file.exists()).as_deref().and_then(Path::to_str).unwrap_or(name))?)
     }
 
     /// The robots' motions, longest seen first.
@@ -81,14 +96,14 @@ impl Family {
 
     pub fn rows(&self) -> Result<Vec<Row>> {
         let (pieces, system) = (self.pieces()?, self.system()?);
-        let bar = bar("solvers of a family", (3 + self.models.len()) as u64);
+        let bar = bar("solvers of a family", (4 + self.models.len()) as u64);
         let row = |of: String, model: Option<&Path>, pieces: &Pieces, solver: Box<dyn Solver>| -> Result<Row> {
             bar.say(&of);
             let mut timed = Timed::new(solver);
-            let report = |seen: &usize| pieces.seen(*seen).compare(&mut timed);
+            let report = |seen: &usize| pieces.seen(*seen).compare(&mut timed).map(Some);
             let reports = self.seen.iter().map(report).collect::<Result<Vec<_>, _>>()?;
             bar.add(1);
-            Ok(Row { of, model: model.map(shipped::from_root), reports, microseconds: self.pace(timed.spent) })
+            Ok(Row { of, model: model.map(shipped::from_root), reports, microseconds: self.pace(timed.spent), seconds: None })
         };
         let analytic = || system.spec.truth.solver(&system);
         let mut rows = vec![
@@ -96,6 +111,10 @@ impl Family {
             row("analytic, as described".into(), None, &pieces.described(), analytic())?,
             row("analytic, told".into(), None, &pieces.told(), analytic())?,
         ];
+        if self.evaluations > 0 {
+            rows.push(self.calibrated(&pieces)?);
+        }
+        bar.add(1);
         for folder in &self.models {
             let config = ModelConfig::read(folder)?;
             let own = config.robot == system.name;
@@ -103,7 +122,7 @@ impl Family {
             let (pieces, like) = if own {
                 (pieces.clone(), system.clone())
             } else {
-                let like = System::named(&config.robot)?;
+                let like = self.beside(&config.robot)?;
                 system.alike(&like).map_err(|e| anyhow::anyhow!("{}: of another robot than the family: {e}", folder.display()))?;
                 (Pieces { system: like.clone(), ..pieces.described() }, like)
             };
@@ -126,18 +145,37 @@ impl Family {
         1e6 * spent.as_secs_f64() / steps as f64
     }
 
+    /// The analytic solver, for each number of frames seen calibrated on these, where there are any.
+    fn calibrated(&self, pieces: &Pieces) -> Result<Row> {
+        let (mut reports, mut seconds, mut timed) = (Vec::new(), 0.0, Timed::new(pieces.system.spec.truth.solver(&pieces.system)));
+        for seen in &self.seen {
+            let begun = Instant::now();
+            let fitted = calibrated::calibrated(&pieces.seen(*seen), self.evaluations)?;
+            let threads = rayon::current_num_threads().min(self.robots);
+            seconds = f64::max(seconds, begun.elapsed().as_secs_f64() * threads as f64 / self.robots as f64);
+            reports.push(fitted.map(|pieces| pieces.compare(&mut timed)).transpose()?);
+        }
+        let of = format!("analytic, calibrated on what is seen in {} evaluations", self.evaluations);
+        Ok(Row { of, model: None, reports, microseconds: self.pace(timed.spent), seconds: Some(seconds) })
+    }
+
     fn table(&self, system: &System, rows: &[Row]) -> Table {
         let shown: Vec<String> = self.seen.iter().map(|seen| format!("{seen} seen")).collect();
-        let header =
-            [&["solver"], &shown.iter().map(String::as_str).collect::<Vec<_>>()[..], &["by quantity", "diverged", "us a frame"]].concat();
+        let header = [
+            &["solver"],
+            &shown.iter().map(String::as_str).collect::<Vec<_>>()[..],
+            &["by quantity", "diverged", "us a frame", "s to know a robot"],
+        ]
+        .concat();
         let cells = rows.iter().map(|row| {
             let bounded = |[error, spread]: [f64; 2]| format!("{} ± {}", digits(error), digits(spread));
-            let errors = (0..self.seen.len()).map(|k| bounded(row.error(k)));
-            let last = row.reports.last();
+            let errors = (0..self.seen.len()).map(|k| or_dash(row.error(k).map(bounded)));
+            let last = row.reports.iter().flatten().next_back();
             let rest = [
                 or_dash(last.map(|last| pair(&summary(system, &last.error)))),
                 or_dash(last.map(|last| last.diverged.to_string())),
                 format!("{:.1}", row.microseconds),
+                or_dash(row.seconds.map(digits)),
             ];
             [row.of.clone()].into_iter().chain(errors).chain(rest).collect()
         });
@@ -156,8 +194,8 @@ impl Family {
 
     fn figure(&self, rows: &[Row]) -> Figure {
         let line = |row: &Row| {
-            let point = |(k, seen): (usize, &usize)| (*seen.max(&1) as f64, row.error(k)[0]);
-            Series::new(row.of.clone(), Style::Line, self.seen.iter().enumerate().map(point))
+            let point = |(k, seen): (usize, &usize)| Some((*seen.max(&1) as f64, row.error(k)?[0]));
+            Series::new(row.of.clone(), Style::Line, self.seen.iter().enumerate().filter_map(point))
         };
         let series = rows.iter().map(line).collect();
         let panel = Panel { x: Axis::log("frames seen"), y: Axis::log("mean error (rad or m)"), series, ..Panel::default() };

@@ -1,0 +1,76 @@
+//! `articulated` calibrated on each robot of a family by itself, on the frames that models are shown of it.
+
+use nerd_sim::calibrate::{CalibrateError, Engine, FitConfig, Parameter, Subject, Trial};
+use nerd_sim::rig::{LATEST, Motors};
+use nerd_train::evaluate::Pieces;
+use rayon::prelude::*;
+
+use crate::prelude::*;
+
+/// Frames of a rollout that is fitted: over more, motions that are not known yet go elsewhere.
+const LENGTH: usize = 30;
+
+/// Pieces as a solver has them that was calibrated on what is shown of each robot: its masses, centres, brakes, motors, zeros, and torques that
+/// are late. None where nothing is shown.
+pub fn calibrated(pieces: &Pieces, evaluations: usize) -> Result<Option<Pieces>> {
+    if pieces.before == 0 {
+        return Ok(None);
+    }
+    let parameters = parameters(&pieces.system)?;
+    let described = pieces.described();
+    let fitted = |k: usize| -> Result<Arc<System>, CalibrateError> {
+        let (system, config) = (pieces.system.clone(), ArticulatedConfig::accurate(&pieces.system));
+        let subject = Subject {
+            scene: described.scenes[k].clone(),
+            engine: Engine::Articulated(config),
+            lag: 0.0,
+            delay: 0.0,
+            zeros: vec![0.0; system.robot.joint_count()],
+            strength: vec![1.0; system.robot.joint_count()],
+            system,
+        };
+        let config = FitConfig { evaluations, ..FitConfig::default() };
+        let fit = subject.fit(&parameters, &trials(pieces, k), config, &mut |_, _| ())?;
+        let own = subject.with(&parameters, &fit.values)?;
+        let mut known = (*own.system).clone();
+        known.motors = Motors { delay: own.delay, zeros: own.zeros, strength: own.strength, ..Motors::default() };
+        Ok(Arc::new(known))
+    };
+    let systems = (0..pieces.count()).into_par_iter().map(fitted).collect::<Result<_, _>>()?;
+    Ok(Some(Pieces { systems, ..described }))
+}
+
+/// What of a robot and its motors is searched.
+fn parameters(system: &System) -> Result<Vec<Parameter>, CalibrateError> {
+    let links = system.robot.links.iter().filter(|link| link.inertia.mass > 0.0);
+    let links = links.flat_map(|link| ["mass", "com.x", "com.y", "com.z"].map(|what| format!("{what}:{}", link.name)));
+    let brakes = system
+        .robot
+        .joints()
+        .flat_map(|joint| ["joint-damping", "joint-friction", "strength"].map(|what| format!("{what}:{}", joint.name)));
+    let names: Vec<String> = links.chain(brakes).collect();
+    let named = names.iter().map(|name| Parameter::named(system, name)).collect::<Result<Vec<_>, _>>()?;
+    let mut driven = Parameter::driven(system)?;
+    // As late as any robot's.
+    driven.iter_mut().filter(|p| p.name == "delay").for_each(|p| p.high = LATEST);
+    Ok([named, driven].concat())
+}
+
+/// What is shown of the k-th robot, in rollouts side by side.
+fn trials(pieces: &Pieces, k: usize) -> Vec<Trial> {
+    let (d, nq, joints) = (pieces.system.robot.state_dim(), pieces.system.robot.nq(), pieces.system.robot.joint_count());
+    let state = |frame: usize| &pieces.states[frame][k * d..(k + 1) * d];
+    let torques = |frame: usize| pieces.torques[frame][k * joints..(k + 1) * joints].to_vec();
+    let trial = |first: usize| {
+        let end = pieces.before.min(first + LENGTH);
+        Trial {
+            id: k as u64,
+            first,
+            start: state(first).to_vec(),
+            measured: (first..=end).map(|frame| state(frame)[..nq].to_vec()).collect(),
+            torques: (first..end).map(torques).collect(),
+            earlier: [1, 2].map(|back| torques(first.saturating_sub(back))),
+        }
+    };
+    (0..pieces.before).step_by(LENGTH).map(trial).collect()
+}
