@@ -126,6 +126,7 @@ fn tensors(path: &Path, used: &dyn Fn(&str) -> bool) -> Result<Found, String> {
 }
 
 fn npz(path: &Path, used: &dyn Fn(&str) -> bool) -> Result<Found, String> {
+    crate::files::is_file(path).map_err(|e| e.to_string())?;
     let file = File::open(path).map_err(|e| e.to_string())?;
     let mut zip = zip::ZipArchive::new(std::io::BufReader::new(file)).map_err(|e| e.to_string())?;
     let (mut arrays, mut names) = (BTreeMap::new(), Vec::new());

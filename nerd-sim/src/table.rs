@@ -36,6 +36,7 @@ impl Table {
     /// A CSV, whose first line tells what is between columns: commas, else semicolons or tabs.
     pub fn open(path: &Path) -> Result<Self, FileError> {
         let cannot = |e: &dyn fmt::Display| FileError::new(path, format!("cannot read it: {e}"));
+        crate::files::is_file(path).map_err(|e| cannot(&e))?;
         let mut first = Vec::new();
         BufReader::new(File::open(path).map_err(|e| cannot(&e))?).take(LINE).read_until(b'\n', &mut first).map_err(|e| cannot(&e))?;
         let between = [b',', b';', b'\t'].into_iter().find(|byte| first.contains(byte)).unwrap_or(b',');

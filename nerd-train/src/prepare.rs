@@ -56,6 +56,9 @@ pub struct Prepared {
 
 /// Records `config`'s trajectories in memory and turns them into tokens. `solver` makes the truth; `progress` gets the transitions done. The same config gives the same bytes as
 /// [`nerd_sim::dataset::generate`].
+///
+/// # Errors
+/// If the truth cannot step.
 pub fn generate(
     system: &Arc<System>,
     solver: &(dyn Fn() -> Box<dyn Solver> + Sync),

@@ -53,7 +53,7 @@ impl Tensors {
     }
 
     pub fn open(path: &Path) -> Result<Self> {
-        let bytes = std::fs::read(path).map_err(Error::file(path))?;
+        let bytes = nerd_sim::files::read(path).map_err(Error::file(path))?;
         let mut file = Self { path: path.into(), ..Self::default() };
         let wrong = |e: safetensors::SafeTensorError| file.wrong(format!("no safetensors file, or one cut short: {e}"));
         let words = SafeTensors::read_metadata(&bytes).map_err(wrong)?.1.metadata().clone().unwrap_or_default();

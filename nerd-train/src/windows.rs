@@ -43,6 +43,9 @@ impl Windows {
     }
 
     /// Puts the trajectories of `fresh` over those from number `first` on.
+    ///
+    /// # Errors
+    /// What does not fit.
     pub fn replace(&mut self, first: usize, fresh: &Windows) -> Result<(), String> {
         self.fits(first, fresh, self.trajectories())?;
         self.x[first * self.frames * self.inputs..][..fresh.x.len()].copy_from_slice(&fresh.x);

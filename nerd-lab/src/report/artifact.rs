@@ -110,7 +110,7 @@ impl Table {
     }
 
     /// Rows as objects. The first column has names. In another that holds nothing but numbers, `2.1` is a number, `1.2 / 3.4` and `1.2 +- 3.4`
-    /// are lists, and `-` and what is not finite are null.
+    /// are lists, and `-` and what is not finite are null. One cell in words, such as `under 0.01`, makes its whole column text.
     pub fn json(&self) -> Value {
         let counts = |k: usize| k > 0 && self.rows.iter().all(|row| row[k] == "-" || numbers(&row[k]).is_some());
         let counts: Vec<bool> = (0..self.header.len()).map(counts).collect();

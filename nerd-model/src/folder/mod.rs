@@ -64,7 +64,7 @@ impl Model {
         // A file that cannot be the network's is not even read.
         let size = std::fs::metadata(&path).map_err(|e| wrong(&path, e))?.len();
         Weights::check_size(&config.network, size).map_err(|e| wrong(&path, e))?;
-        let bytes = std::fs::read(&path).map_err(|e| wrong(&path, e))?;
+        let bytes = nerd_sim::files::read(&path).map_err(|e| wrong(&path, e))?;
         let weights = Weights::from_bytes(config.network, &bytes).map_err(|e| wrong(&path, e))?;
         Ok(Self { config, normalizer, weights })
     }

@@ -26,7 +26,7 @@ def make_vec(task, robot=None, n=1, *, solver="articulated", device="cpu", autor
 def _vector(num_envs=1, *, device="cpu", autoreset_mode=None, xp=None, **of):
     if isinstance(num_envs, bool) or not isinstance(num_envs, (int, np.integer)) or abs(num_envs) >= 2**63:
         raise TypeError(f"n={num_envs!r}: a whole number of environments is needed")
-    for name, value in of.items():
+    for name, value in ((name, of[name]) for name in ("task", "robot", "solver", "family") if name in of):
         kinds = (str, os.PathLike, System, type(None)) if name in ("robot", "family") else (str, os.PathLike)
         if not isinstance(value, kinds):
             raise TypeError(f"{name}: a name or a path is needed, not {type(value).__name__}")

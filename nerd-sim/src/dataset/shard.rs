@@ -146,7 +146,7 @@ pub fn write_shard(path: &Path, recording: &Recording, metadata: &BTreeMap<Strin
 
 /// Reads a shard and its metadata; refuses one whose numbers were changed since.
 pub fn read_shard(path: &Path) -> Result<(Recording, BTreeMap<String, String>), FileError> {
-    let bytes = std::fs::read(path).map_err(|e| FileError::new(path, e))?;
+    let bytes = crate::files::read(path).map_err(|e| FileError::new(path, e))?;
     let wrong = |reason: String| FileError::new(path, reason);
     let (_, header) = SafeTensors::read_metadata(&bytes).map_err(|e| wrong(e.to_string()))?;
     let file = SafeTensors::deserialize(&bytes).map_err(|e| wrong(e.to_string()))?;

@@ -54,14 +54,20 @@ pub fn write_with(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) 
     Ok(())
 }
 
-/// The bytes of a file. What is none may never end, as a device or a pipe that nobody writes to.
-pub fn read(path: &Path) -> Result<Vec<u8>> {
+/// Refuses what is no file: it may never end, as a device or a pipe that nobody writes to.
+pub fn is_file(path: &Path) -> Result<()> {
     let refused = |kind, said| Err(Error::new(kind, said));
     match std::fs::metadata(path)? {
         there if there.is_dir() => refused(std::io::ErrorKind::IsADirectory, "is a folder, not a file"),
         there if !there.is_file() => refused(std::io::ErrorKind::InvalidInput, "is a pipe or a device; save what it holds as a file"),
-        _ => std::fs::read(path),
+        _ => Ok(()),
     }
+}
+
+/// The bytes of a file.
+pub fn read(path: &Path) -> Result<Vec<u8>> {
+    is_file(path)?;
+    std::fs::read(path)
 }
 
 /// A text file; says where it is not UTF-8.

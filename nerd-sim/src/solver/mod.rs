@@ -157,6 +157,9 @@ impl Simulation {
 
     /// Makes environment `to` a copy of `from`, with what the solver remembers of it: under the same torques both go on alike.
     ///
+    /// # Errors
+    /// As [`Solver::remembered`].
+    ///
     /// # Panics
     /// If there is no such environment.
     pub fn fork(&mut self, from: usize, to: usize) -> Result<(), StepError> {

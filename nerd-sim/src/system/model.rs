@@ -229,6 +229,9 @@ impl System {
     }
 
     /// The same with frames of another time (s), or of other substeps.
+    ///
+    /// # Errors
+    /// If one is out of its range.
     pub fn paced(&self, frame_time: Option<f64>, substeps: Option<usize>) -> Result<Self, SystemError> {
         let mut own = self.clone();
         own.spec.frame_time = frame_time.map_or(own.spec.frame_time, |time| time.to_string());
@@ -239,6 +242,9 @@ impl System {
     }
 
     /// The same with a scene `terrain` beside its own: ground like that, and nothing on it.
+    ///
+    /// # Errors
+    /// If a number of it is out of its range.
     pub fn with_terrain(mut self, terrain: TerrainSpec) -> Result<Self, SystemError> {
         let plane = PlaneSpec { height: 0.0, angles: [0.0; 3] };
         self.spec.scenes.retain(|scene| scene.name != TERRAIN);

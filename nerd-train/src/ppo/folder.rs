@@ -118,7 +118,7 @@ fn config(folder: &Path) -> Result<(PathBuf, PolicyConfig)> {
     if !path.exists() && folder.join("policy").exists() {
         refuse!("{0}: a run, whose policy is {0}/policy", folder.display());
     }
-    let text = std::fs::read_to_string(&path).map_err(Error::file(&path))?;
+    let text = nerd_sim::files::read_text(&path).map_err(Error::file(&path))?;
     let config = serde_json::from_str(&text).map_err(Error::file(&path))?;
     Ok((path, config))
 }

@@ -77,6 +77,9 @@ impl Row {
 
 /// Judges a model in a scene, from the starts that an evaluation of this protocol has; progress goes to standard error. There is no verdict
 /// on a network along a chain, which has no linear map.
+///
+/// # Errors
+/// If the truth cannot step.
 pub fn verdict(system: &Arc<System>, scene: &Arc<Scene>, model: &Model, protocol: PassiveConfig) -> Result<Option<Verdict>> {
     if model.config.network.architecture == Architecture::Chain {
         return Ok(None);

@@ -24,6 +24,9 @@ pub fn back_program(system: &System, config: &ArticulatedConfig, real: Real, rea
 }
 
 /// Refuses what has no slopes on a device.
+///
+/// # Errors
+/// What has none, and where it has.
 pub fn goes_back(config: &ArticulatedConfig, batch: &Batch) -> Result<(), StepError> {
     covered(config, batch)?;
     if deep(&batch.system) {
