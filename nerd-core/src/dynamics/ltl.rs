@@ -98,6 +98,23 @@ impl Factor {
         format!("the mass matrix is not positive definite at {place}: a link without inertia, or a state out of bounds")
     }
 
+    /// `x^T M^-1 x = |L^-T x|^2` of an x that is zero but for the DoF `last` and those above it. Leaves something else in x.
+    pub fn ease(&self, last: usize, x: &mut [f64]) -> f64 {
+        let (n, mut sum, mut i) = (self.parent.len(), 0.0, last);
+        while i != usize::MAX {
+            let row = &self.rows[i * n..][..n];
+            x[i] *= row[i];
+            let (by, mut j) = (x[i], self.parent[i]);
+            while j != usize::MAX {
+                x[j] -= row[j] * by;
+                j = self.parent[j];
+            }
+            sum += by * by;
+            i = self.parent[i];
+        }
+        sum
+    }
+
     /// Replaces `x` by `M^-1 x`: `L^T y = x`, then `L z = y`.
     #[inline]
     pub fn solve(&self, x: &mut [f64]) {

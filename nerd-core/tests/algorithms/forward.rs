@@ -17,7 +17,7 @@ type Ask<'a> = &'a dyn Fn(&mut Data) -> Vec<f64>;
 
 #[test]
 fn articulated_bodies_mass_matrix_and_inverse_dynamics_agree() {
-    let mut worst = [0.0f64; 3];
+    let mut worst = [0.0f64; 4];
     for (robot, mut rng) in robots() {
         let (mut data, mut factor) = (Data::new(&robot), Factor::new(&robot));
         for pushed in [false, true] {
@@ -31,6 +31,13 @@ fn articulated_bodies_mass_matrix_and_inverse_dynamics_agree() {
             let mass = data.mass_matrix(&robot, &q);
             worst[0] = worst[0].max(gap(&dense(mass, &x), qdd.as_slice()));
             assert!(factor.refill(mass));
+            // Of one DoF after the other, what it does to itself.
+            for k in 0..robot.nv() {
+                let [mut one, mut same] = [(); 2].map(|_| (0..robot.nv()).map(|i| f64::from(i == k)).collect::<Vec<_>>());
+                factor.solve(&mut one);
+                let eased = factor.ease(k, &mut same);
+                worst[3] = worst[3].max((eased / one[k] - 1.0).abs());
+            }
             factor.solve(&mut x);
             worst[1] = worst[1].max(gap(&x, qdd.as_slice()));
             let back = data.inverse_dynamics(&robot, &q, &qd, qdd.as_slice(), &GRAVITY);

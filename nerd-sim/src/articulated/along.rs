@@ -12,7 +12,7 @@ use crate::prelude::*;
 /// From so many products a DoF of the matrix's factor on, the tree is taken. Chosen by the clock, between quadrupeds with legs of three joints,
 /// which gain little or lose, and humanoids and chains of twenty hinges, which gain.
 const DEEP: usize = 60;
-/// So many springs are a chain that may whip, however short it is, and whips are followed along the tree alone.
+/// So many springs are a chain that may whip, however short it is.
 const CHAIN: usize = 3;
 
 /// Whether implicit steps of a robot are solved along its tree, and whips looked for; otherwise by its matrix.
@@ -20,8 +20,12 @@ pub fn along(robot: &Robot) -> bool {
     let above: Vec<usize> = nerd_core::dynamics::Factor::new(robot).above().map(|p| p.map_or(usize::MAX, |p| p)).collect();
     let mut depths: Vec<usize> = Vec::new();
     above.iter().for_each(|p| depths.push(depths.get(*p).map_or(1, |d| d + 1)));
-    let springs = robot.joints().filter(|j| j.stiffness > 0.0).count();
-    springs >= CHAIN || depths.iter().map(|d| d * d).sum::<usize>() >= DEEP * robot.nv()
+    chained(robot) || depths.iter().map(|d| d * d).sum::<usize>() >= DEEP * robot.nv()
+}
+
+/// Whether a robot is such a chain.
+pub(super) fn chained(robot: &Robot) -> bool {
+    robot.joints().filter(|j| j.stiffness > 0.0).count() >= CHAIN
 }
 
 pub(super) struct Tree {

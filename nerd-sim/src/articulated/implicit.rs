@@ -77,6 +77,7 @@ impl Workspace {
             Some(_) => inertias(robot, &mut self.data),
             None => crba(robot, &mut self.data),
         }
+        self.touches.plain = false;
         if self.touches.shared != h {
             self.damp(robot, h)?;
         }
@@ -107,11 +108,10 @@ impl Workspace {
     /// Dampings of the joints, and what they and their springs resist with.
     fn damp(&mut self, robot: &Robot, h: f64) -> Result<(), String> {
         self.touches.shared = h;
-        let mut factored = false;
         for (i, joint) in robot.joints().enumerate() {
             let mut w = 0.0;
             if Damped::weighed(joint, h, self.stiff.bounds.least[i]) {
-                self.plain(robot, &mut factored)?;
+                self.plain(robot)?;
                 w = self.ease(robot, i);
             }
             let damped = Damped::of(joint, h, w);
@@ -122,8 +122,8 @@ impl Workspace {
     }
 
     /// The inverse of the mass matrix alone, if it is not there yet.
-    fn plain(&mut self, robot: &Robot, there: &mut bool) -> Result<(), String> {
-        if std::mem::replace(there, true) {
+    fn plain(&mut self, robot: &Robot) -> Result<(), String> {
+        if std::mem::replace(&mut self.touches.plain, true) {
             return Ok(());
         }
         let (sound, lost) = match &mut self.touches.tree {
@@ -140,10 +140,9 @@ impl Workspace {
             return tree.ease(robot, joint);
         }
         let k = robot.root_dofs() + joint;
-        right.fill(0.0);
+        right[..k].fill(0.0);
         right[k] = 1.0;
-        self.factor.solve(right);
-        right[k]
+        self.factor.ease(k, right)
     }
 
     /// w of a contact along its normal.
@@ -152,17 +151,18 @@ impl Workspace {
         if let Some(tree) = tree {
             return tree.eased(contact);
         }
-        let columns = &columns[contact.columns.clone()];
+        let (mut last, columns) = (0, &columns[contact.columns.clone()]);
         right.fill(0.0);
-        // Joints that follow one share its column.
-        columns.iter().for_each(|(k, a)| right[*k] += contact.normal.dot(a));
-        self.factor.solve(right);
-        columns.iter().map(|(k, a)| right[*k] * contact.normal.dot(a)).sum()
+        for (k, a) in columns {
+            // Joints that follow one share its column.
+            right[*k] += contact.normal.dot(a);
+            last = last.max(*k);
+        }
+        self.factor.ease(last, right)
     }
 
     /// How far ahead each force must look to be stable, from the touch's own inertia `1 / w = 1 / n^T J M^-1 J^T n`.
     fn weigh(&mut self, robot: &Robot, h: f64, friction: Friction) -> Result<(), String> {
-        let mut factored = false;
         let mut touches = std::mem::take(&mut self.touches.touches);
         for touch in &mut touches {
             if let Touch::Friction(dry) = touch {
@@ -172,7 +172,7 @@ impl Workspace {
             let w = match self.touches.weights[index] {
                 Some(w) => w,
                 None => {
-                    self.plain(robot, &mut factored)?;
+                    self.plain(robot)?;
                     let w = match touch {
                         Touch::Contact(contact) => self.eased(contact),
                         Touch::Limit(spring) | Touch::Drive { spring, .. } => self.ease(robot, spring.joint),

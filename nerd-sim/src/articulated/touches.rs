@@ -17,6 +17,8 @@ pub(super) struct Touches {
     pub(super) shares: Vec<f64>,
     /// The substep for which they were found (s); 0: for none.
     pub(super) shared: f64,
+    /// Whether the substep's mass matrix alone is inverted.
+    pub(super) plain: bool,
     /// The springs' torques in the middle of the substep.
     pub(super) pull: Vec<f64>,
     /// Whether contacts and limits take the means over a substep, whatever its length: they ring, and give no energy.

@@ -59,10 +59,14 @@ fn flat_terrain_is_the_plane() {
         let system = Arc::new((*built_in(name)).clone().with_terrain(none).expect("in range"));
         let state = start(&system, Start::Reset, &mut stream(2, 0));
         let mut solver = Articulated::new(ArticulatedConfig::accurate(&system));
-        let [flat, plane] = ["terrain", "plane"].map(|scene| end(&mut solver, at(&system, scene, &state), 0.0, 90));
-        let off = flat.iter().zip(&plane).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let moved: Vec<f64> = state.iter().enumerate().map(|(k, x)| x + if k == 2 { 1e-15 } else { 0.0 }).collect();
+        let [flat, plane, other] = [("terrain", &state), ("plane", &state), ("plane", &moved)]
+            .map(|(scene, state)| end(&mut solver, at(&system, scene, state), 0.0, 90));
+        let off = |other: &[f64]| other.iter().zip(&plane).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        // Its rounding, which tumbling grows, is that of a start some 1e-15 m higher.
+        let (off, most) = (off(&flat), 4.0 * off(&other));
         let touches = system.scene("plane").expect("a world").contact(&vector(&plane[..3])).distance < 1.0;
-        assert!(off < 1e-12 && touches, "{name}: {off:e} apart at {plane:?}");
+        assert!(off <= most && most < 1e-11 && touches, "{name}: {off:e} apart of {most:e} at {plane:?}");
     }
 }
 

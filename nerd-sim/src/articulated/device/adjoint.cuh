@@ -7,7 +7,7 @@ FN Wrench operator*(Wrench a, real k) { return wrench(a.ang * k, a.lin * k); }
 FN Wrench cross(Motion m, Wrench f) { return wrench(cross(m.ang, f.ang) + cross(m.lin, f.lin), cross(m.ang, f.lin)); }
 FN Wrench force_at(V3 f, V3 x) { return wrench(cross(x, f), f); }
 
-constexpr int IDLE = MOST / 32 + 1;        // words of a bit for every touch
+constexpr int IDLE = (MOST + DRIVES) / 32 + 1;   // words of a bit for every touch and drive
 
 // A substep: its pose in the middle (of Runge-Kutta's at its start), local velocities at its start, the rate that was found; touches that did nothing.
 struct Kept { double q[NQ]; real qd[NV], rate[NV]; unsigned idle[IDLE]; };

@@ -152,12 +152,8 @@ FN void wrench_at(V3 force, V3 x, double* w) {
     w[3] = f[0]; w[4] = f[1]; w[5] = f[2];
 }
 
-// w of a touch along its normal, after `spread`.
-FN double eased(const Along& f, int link, int dof, V3 x, V3 normal) {
-    if (link < 0) {
-        const double along = dot(normal, x);
-        return along * along * f.alone[dof - DOFS + FIRST];
-    }
+// w of a point along a normal, after `spread`.
+FN double eased(const Along& f, int link, V3 x, V3 normal) {
     double wrench[6], twist[6];
     wrench_at(normal, x, wrench);
     times(f.ease[link], wrench, twist);

@@ -19,28 +19,29 @@ struct Keeper {
         Kept& kept = b.kept[number];
         for (int k = 0; k < NV; k++) kept.rate[k] = w.rate[k];
         for (int k = 0; k < IDLE; k++) kept.idle[k] = 0;
-        for (int n = 0; n < w.touches; n++) {
-            if (b.since[w.touch[n].index] < 0) b.since[w.touch[n].index] = number;
-            kept.idle[n / 32] |= (unsigned)idle(w.touch[n]) << n % 32;
+        for (int n = 0; n < w.touches + DRIVES; n++) {
+            const int index = n < w.touches ? w.touch[n].index : DRIVEN_AT + n - w.touches;
+            if (b.since[index] < 0) b.since[index] = number;
+            kept.idle[n / 32] |= (unsigned)idle(w, n) << n % 32;
         }
         if (number) return;
         b.twice = w.twice;
         b.once = w.once;
         for (int k = 0; k < NV; k++) b.guess[k] = (w.middle[k] - kept.qd[k]) * (2 / h);
         for (int k = 0; k < IDLE; k++) b.early[k] = 0;
-        for (int n = 0; DRIVEN && w.twice && n < w.touches; n++) b.early[n / 32] |= (unsigned)w.early[n] << n % 32;
+        for (int n = 0; DRIVEN && w.twice && n < w.touches + DRIVES; n++) b.early[n / 32] |= (unsigned)w.early[n] << n % 32;
     }
 };
 
 // Back over an implicit substep, of which what was solved is found again but for its rates; 0, or a fault.
-BIG int substep_back(Work& w, Back& b, int number, const double* scene, const double* drives, real h) {
+BIG int substep_back(Work& w, Back& b, int number, const double* scene, real h) {
     Tree& t = w.tree;
     const Kept& kept = b.kept[number];
     for (int k = 0; k < NQ; k++) t.q[k] = kept.q[k];
     for (int k = 0; k < NV; k++) t.qd[k] = kept.qd[k];
     kinematics(t);
     see(w, scene);
-    if (!find(w, h, drives) || !weigh(w, h)) return LOST;
+    if (!find(w, h) || !weigh(w, h)) return LOST;
     crba(t);
     share(w, h);
     real end[NV];
@@ -85,7 +86,7 @@ BIG int frame_back(const double* state, const double* tau, const double* scene, 
     begin(b, next, by_next);
     const real h = (real)(FRAME / b.steps);
     for (int number = b.steps - 1; number >= 0; number--) {
-        const int fault = HELD || DRIVEN || b.ahead ? substep_back(w, b, number, scene, drives, h) : flight_back(w, b, b.kept[number], tau, h);
+        const int fault = HELD || DRIVEN || b.ahead ? substep_back(w, b, number, scene, h) : flight_back(w, b, b.kept[number], tau, h);
         if (fault) return fault;
     }
     end(b, state, by_state);

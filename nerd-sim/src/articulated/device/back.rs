@@ -5,7 +5,7 @@
 //! again. Kept are eight times the substeps of the settings; a frame that its energy asks to be finer than that (`energy.rs`) is a fault of its environment. In
 //! 32 bits and with eight substeps a thread needs `29496` bytes for an Ant and `33848` for an ANYmal.
 
-use super::program::{Reach, Real, deep, functions};
+use super::program::{Reach, Real, functions, whips};
 use crate::articulated::slopes::covered;
 use crate::prelude::*;
 
@@ -29,7 +29,7 @@ pub fn back_program(system: &System, config: &ArticulatedConfig, real: Real, rea
 /// What has none, and where it has.
 pub fn goes_back(config: &ArticulatedConfig, batch: &Batch) -> Result<(), StepError> {
     covered(config, batch)?;
-    if deep(&batch.system) {
+    if whips(&batch.system) {
         return Err(StepError::Refused("chains this deep have no slopes on a card yet: take them on the CPU".into()));
     }
     Ok(())

@@ -38,13 +38,13 @@ constexpr int MOST_SUBSTEPS = SUBSTEPS > CONTACT_SUBSTEPS ? SUBSTEPS : CONTACT_S
 
 // One try of a frame from `state`, which the tree has been given, with `finer` times the substeps; 0, or why not.
 template <class K>
-BIG int attempt(Work& w, const double* state, const double* tau, const double* scene, const double* drives, double* forces, int finer, const K& keeper) {
+BIG int attempt(Work& w, const double* state, const double* tau, const double* scene, double* forces, int finer, const K& keeper) {
     if (forces) for (int k = 0; k < 3 * NP; k++) forces[k] = 0;
     const bool touching = NP > 0 && NC > 0 && scene[3] != 0;
     w.eventful = false;
     w.even = finer > 1;
     w.work = w.effort = 0;
-    if (HELD || DRIVEN || (touching && IMPLICIT)) return implicit(w, scene, tau, drives, forces, CONTACT_SUBSTEPS * finer, keeper);
+    if (HELD || DRIVEN || (touching && IMPLICIT)) return implicit(w, scene, forces, CONTACT_SUBSTEPS * finer, keeper);
     for (int k = DOFS; k < NV; k++) w.eventful = w.eventful || size(w.tree.qd[k]) * (real)(FRAME / (SUBSTEPS * finer)) > WHIRL_RK4;
     Explicit e;
     e.looked = false;
@@ -55,11 +55,11 @@ BIG int attempt(Work& w, const double* state, const double* tau, const double* s
     if (done != STIFF) return done;
     take(w.tree, state);
     if (forces) for (int k = 0; k < 3 * NP; k++) forces[k] = 0;
-    return implicit(w, scene, tau, drives, forces, MOST_SUBSTEPS * finer, keeper);
+    return implicit(w, scene, forces, MOST_SUBSTEPS * finer, keeper);
 }
 
 // Times as many substeps that the frame from `state` to where the tree is, in so many of them, needs to give no energy.
-BIG int refine(Work& w, const double* state, const double* tau, const double* scene, int substeps) {
+BIG int refine(Work& w, const double* state, const double* scene, int substeps) {
     Tree& t = w.tree;
     double q[NQ], work = w.work, effort = w.effort, mass = 0;
     real qd[NV];
@@ -69,7 +69,7 @@ BIG int refine(Work& w, const double* state, const double* tau, const double* sc
     take(t, state);
     const Energy before = energy(w, scene);
     for (int i = 0; i < NJ; i++) {
-        const double done = tau[i] * (q[COORDS + i] - t.q[COORDS + i]);
+        const double done = w.tau[i] * (q[COORDS + i] - t.q[COORDS + i]);
         work += done;
         effort += done < 0 ? -done : done;
     }
@@ -92,11 +92,12 @@ BIG int refine(Work& w, const double* state, const double* tau, const double* sc
 template <class K>
 BIG int moved(Work& w, const double* state, const double* tau, const double* scene, const double* drives, double* forces, const K& keeper) {
     bool eventful = false;
+    ask(w, tau, drives);
     for (int finer = 1;;) {
-        const int done = attempt(w, state, tau, scene, drives, forces, finer, keeper), substeps = MOST_SUBSTEPS * finer;
+        const int done = attempt(w, state, tau, scene, forces, finer, keeper), substeps = MOST_SUBSTEPS * finer;
         if (!WATCHED || substeps >= FINEST || 2 * substeps > K::most) return done;
         eventful = eventful || w.eventful;
-        int times = done ? 2 : eventful ? refine(w, state, tau, scene, substeps) : 1;
+        int times = done ? 2 : eventful ? refine(w, state, scene, substeps) : 1;
         while (times * substeps > K::most) times /= 2;
         if (times == 1) return 0;
         finer *= times;

@@ -1,28 +1,45 @@
 // A substep that looks ahead, as articulated/implicit.rs, where the equations are.
 
 // The share of a spring with z = h^2 k w: it keeps energy, or loses it where the substep is too long to follow it.
-FN real foresight(real z) { return most((real)0.5 - (real)0.5 / z, EVEN); }
+FN real foresight(real z) { return most((real)0.5 - (real)0.5 * inverse(z), EVEN); }
 
-// The inverse of the mass matrix alone.
-FN bool plain(Work& w) { return ALONG ? spread(w.tree, w.along) : refill(w.tree); }
+// x^T M^-1 x = |L^-T x|^2 of what is zero but for a DoF and those above it.
+template <class I> FN real eased(const Tree& t, I last, real* x) {
+    real sum = 0;
+    upward(last, [&](auto i) {
+        x[i] *= t.factor[LOWER(i, i)];
+        above(i, [&](auto j) { x[j] -= t.factor[LOWER(i, j)] * x[i]; });
+        sum += x[i] * x[i];
+    });
+    return sum;
+}
+
+// The inverse of the mass matrix alone, if it is not there yet, and w of each joint by it.
+BIG bool plain(Work& w) {
+    Tree& t = w.tree;
+    if (w.plain) return true;
+    w.plain = true;
+    if (!(ALONG ? spread(t, w.along) : refill(t))) return false;
+    if (ALONG) {
+        for (int i = 0; i < NJ; i++) w.alone[i] = (real)w.along.alone[i + FIRST];
+        return true;
+    }
+    onward<DOFS, NV>([&](auto k) {
+        real x[NV];
+        upward(k, [&](auto i) { x[i] = 0; });
+        x[k] = 1;
+        w.alone[k - DOFS] = eased(t, k, x);
+    });
+    return true;
+}
 
 // Dampings of the joints, and shares of their dampers and springs.
 BIG bool damp(Work& w, real h) {
-    bool factored = false;
     for (int i = 0; i < NJ; i++) {
         w.braked[i] = DAMPING(w.tree)[i]; w.damper[i] = (real)0.5; w.spring[i] = EVEN;
         if (h * most(DAMPING(w.tree)[i], h * SPRING[i]) <= LEAST(w.tree)[i]) continue;
-        if (!factored && !plain(w)) return false;
-        factored = true;
-        real ease;
-        if (ALONG) {
-            ease = (real)w.along.alone[i + FIRST];
-        } else {
-            for (int k = 0; k < NV; k++) w.right[k] = 0;
-            w.right[DOFS + i] = 1;
-            solve(w.tree, w.right);
-            ease = w.right[DOFS + i];
-        }
+        if (!plain(w)) return false;
+        const real ease = w.alone[i];
         const real soft = h * h * SPRING[i] * ease;
         w.braked[i] = most(DAMPING(w.tree)[i], h * SPRING[i] * least(soft, CALM));
         const real z = h * w.braked[i] * ease;
@@ -32,49 +49,32 @@ BIG bool damp(Work& w, real h) {
     return true;
 }
 
-// w of a joint's touch, or of a point's, by the factor of the mass matrix alone.
-FN real eased(const Tree& t, const Touch& touch) {
-    real x[NV];
-    for (int k = 0; k < NV; k++) x[k] = 0;
-    x[touch.dof] = dot(touch.normal, touch.x);
-    real way = x[touch.dof];
-    solve(t, x);
-    return way * x[touch.dof];
-}
+// w of a point's touch by it.
 template <class I> FN real eased(const Tree& t, const Touch& touch, I link) {
     V3 a[NV];
-    real x[NV], sum = 0;
+    real x[NV];
     columns(t, link, touch.x, a);
     const auto last = last_dof(link);
     upward(last, [&](auto k) { x[k] = dot(touch.normal, a[k]); });
-    // n^T J M^-1 J^T n = |L^-T J^T n|^2, and what no DoF above it shares stays zero.
-    upward(last, [&](auto i) {
-        x[i] *= t.factor[LOWER(i, i)];
-        above(i, [&](auto j) { x[j] -= t.factor[LOWER(i, j)] * x[i]; });
-        sum += x[i] * x[i];
-    });
-    return sum;
+    return eased(t, last, x);
 }
 
 // How far ahead each force must look to be stable.
 BIG bool weigh(Work& w, real h) {
     bool fresh = false;
+    if (DRIVEN) fresh = w.weight[DRIVEN_AT] < 0;
     for (int n = 0; n < w.touches; n++) fresh = fresh || w.weight[w.touch[n].index] < 0;
     if (fresh) {
         if (!plain(w)) return false;
-        const auto known = [&](const Touch& t, real weight) { w.weight[t.index] = weight > 0 ? weight : infinite(); };
-        if (ALONG) {
-            for (int n = 0; n < w.touches; n++) {
-                const Touch& t = w.touch[n];
-                if (w.weight[t.index] < 0) known(t, (real)eased(w.along, t.link, t.dof, t.x, t.normal));
-            }
-        } else {
-            points(w, [&](const Touch& t, auto link) { if (w.weight[t.index] < 0) known(t, eased(w.tree, t, link)); });
-            for (int n = 0; n < w.touches; n++) {
-                const Touch& t = w.touch[n];
-                if (w.weight[t.index] < 0) known(t, eased(w.tree, t));
-            }
+        const auto known = [&](int index, real weight) { w.weight[index] = weight > 0 ? weight : infinite(); };
+        points(w, [&](const Touch& t, auto link) {
+            if (w.weight[t.index] < 0) known(t.index, ALONG ? (real)eased(w.along, t.link, t.x, t.normal) : eased(w.tree, t, link));
+        });
+        for (int n = w.points; n < w.touches; n++) {
+            const Touch& t = w.touch[n];
+            if (w.weight[t.index] < 0) known(t.index, dot(t.normal, t.x) * dot(t.normal, t.x) * w.alone[t.dof - DOFS]);
         }
+        if (DRIVEN && w.weight[DRIVEN_AT] < 0) for (int i = 0; i < DRIVES; i++) known(DRIVEN_AT + i, w.alone[i]);
     }
     for (int n = 0; n < w.touches; n++) {
         Touch& t = w.touch[n];
@@ -88,8 +88,19 @@ BIG bool weigh(Work& w, real h) {
         t.ahead[0] = foresight(h * h * t.stiffness * weight);
         t.ahead[1] = most(1 - 1 / (h * t.damping * weight), (real)0.5);
         t.ahead[2] = most(1 - 1 / (h * t.across * weight), (real)0.5);
-        if (w.even && !t.bounded && (t.link >= 0 || t.sticky)) { t.ahead[0] = EVEN; t.ahead[1] = t.ahead[2] = (real)0.5; }
+        if (w.even && (t.link >= 0 || t.sticky)) { t.ahead[0] = EVEN; t.ahead[1] = t.ahead[2] = (real)0.5; }
     }
+    Drives& d = w.drives;
+    for (int k = 0; DRIVEN && k <= DRIVES / 32; k++) d.held[k] = 0;
+    onward<0, DRIVES>([&](auto i) {
+        const real weight = w.weight[DRIVEN_AT + i], v = w.tree.qd[DOFS + i], gap = (real)(w.tree.q[COORDS + i] - d.target[i]), effort = d.effort[i];
+        d.ahead[0][i] = foresight(h * h * d.kp[i] * weight);
+        d.ahead[1][i] = most(1 - inverse(h * d.kd[i] * weight), (real)0.5);
+        d.torque[i] = -(d.kp[i] * gap + d.kd[i] * (v - d.speed[i]));
+        d.resists[i] = d.ahead[0][i] * h * d.kp[i] + d.ahead[1][i] * d.kd[i];
+        d.low[i] = v < -TOP[i] ? 0 : -effort;
+        d.high[i] = v > TOP[i] ? 0 : effort;
+    });
     return true;
 }
 
@@ -101,7 +112,6 @@ FN V3 resisted(const Push& p, V3 n, V3 a) { return n * ((p.along - p.across) * d
 
 FN Push push(const Touch& t, real h) {
     const V3 n = t.normal;
-    if (t.held) { Push p = {n * t.hold, 0, 0}; return p; }
     const V3 velocity = t.start;
     const real vn = dot(n, velocity);
     Push p = {n * -(t.stiffness * t.gap + t.damping * vn) - (velocity - n * vn) * t.across,
@@ -110,18 +120,26 @@ FN Push push(const Touch& t, real h) {
     return p;
 }
 
+// The same of a joint's touch: its torque, and how it resists, times h. A limit lies along its normal, dry friction across it.
+struct Pull { real torque, resists; };
+FN Pull pull(const Touch& t, real h) {
+    if (!t.sticky) { Pull p = {-t.start.y * t.across, t.ahead[2] * t.across * h}; return p; }
+    Pull p = {-t.x.x * (t.stiffness * t.gap + t.damping * t.start.x), (t.ahead[0] * h * t.stiffness + t.ahead[1] * t.damping) * h};
+    return p;
+}
+
 // w.qdd, accelerations with the touches that have not parted, by the matrix; false at what has no inertia.
 BIG bool pressed(Work& w, real h) {
     Tree& tr = w.tree;
     real here[HERE], *l = UNROLLED ? here : tr.factor;
     real x[NV], stiff[NV];
-    for (int k = 0; k < NV; k++) { w.qdd[k] = w.right[k]; stiff[k] = 0; }
-    for (int k = 0; k < w.touches; k++) {
+    onward<0, NV>([&](auto k) { w.qdd[k] = w.right[k]; stiff[k] = 0; });
+    onward<0, DRIVES>([&](auto i) { w.qdd[DOFS + i] += w.drives.torque[i]; stiff[DOFS + i] = w.drives.resists[i] * h; });
+    for (int k = w.points; k < w.touches; k++) {
         const Touch& t = w.touch[k];
-        if (t.link >= 0 || t.parted) continue;
-        const Push p = push(t, h);
-        w.qdd[t.dof] += dot(t.x, p.force);
-        stiff[t.dof] += dot(t.x, resisted(p, t.normal, t.x));
+        const Pull p = pull(t, h);
+        w.qdd[t.dof] += p.torque;
+        stiff[t.dof] += p.resists;
     }
     entries([&](int k) { l[k] = tr.mass[k]; });
     onward<0, NV>([&](auto k) { x[k] = w.qdd[k]; l[LOWER(k, k)] += stiff[k]; });
@@ -149,17 +167,19 @@ BIG bool pressed_along(Work& w, real h) {
     inertias(tr, w.along);
     for (int k = 0; k < NV; k++) w.qdd[k] = w.right[k];
     for (int i = 0; i < NJ; i++) w.along.joints[i] = w.along.dampers[i];
+    for (int i = 0; i < DRIVES; i++) { w.qdd[DOFS + i] += w.drives.torque[i]; w.along.joints[i] += w.drives.resists[i] * h; }
     for (int i = 0; i < NL; i++) for (int k = 0; k < 6; k++) w.along.force[i][k] = 0;
-    for (int k = 0; k < w.touches; k++) {
+    for (int k = 0; k < w.points; k++) {
         const Touch& t = w.touch[k];
         if (t.parted) continue;
         const Push p = push(t, h);
-        if (t.link >= 0) {
-            resist(w.along, t.link, t.x, t.normal, p.force, p.along, p.across);
-            continue;
-        }
-        w.qdd[t.dof] += dot(t.x, p.force);
-        w.along.joints[t.dof - DOFS] += dot(t.x, resisted(p, t.normal, t.x));
+        resist(w.along, t.link, t.x, t.normal, p.force, p.along, p.across);
+    }
+    for (int k = w.points; k < w.touches; k++) {
+        const Touch& t = w.touch[k];
+        const Pull p = pull(t, h);
+        w.qdd[t.dof] += p.torque;
+        w.along.joints[t.dof - DOFS] += p.resists;
     }
     if (!factorise(tr, w.along, w.along.joints)) return false;
     for (int k = 0; k < NV; k++) w.along.x[k] = w.qdd[k];
@@ -173,20 +193,14 @@ BIG bool judge(Work& w, real h, real settled) {
     Motion twist[NL];
     if (!ALONG) twists(w.tree, w.qdd, twist);
     bool changed = false;
-    for (int k = 0; k < w.touches; k++) {
+    for (int k = 0; k < w.points; k++) {
         Touch& t = w.touch[k];
-        if (t.parted || t.held || (t.sticky && !t.bounded)) continue;
+        if (t.parted) continue;
         const V3 n = t.normal;
-        const V3 change = (t.link < 0 ? t.x * w.qdd[t.dof] : ALONG ? reached(w.along, t.link, t.x) : at(twist[t.link], t.x)) * h + t.turn * h;
+        const V3 change = (ALONG ? reached(w.along, t.link, t.x) : at(twist[t.link], t.x)) * h + t.turn * h;
         const V3 velocity = t.start;
         const real vn = dot(n, velocity), dn = dot(n, change);
         const real normal = -(t.stiffness * (t.gap + t.ahead[0] * h * dn) + t.damping * (vn + t.ahead[1] * dn));
-        if (t.bounded) {
-            t.held = !(t.bounds[0] <= normal && normal <= t.bounds[1]);
-            t.hold = most(t.bounds[0], least(t.bounds[1], normal));
-            changed = changed || t.held;
-            continue;
-        }
         t.parted = normal < 0;
         w.eventful = w.eventful || t.parted;
         const V3 seen = velocity + change * t.ahead[2];
@@ -195,6 +209,32 @@ BIG bool judge(Work& w, real h, real settled) {
         const real across = drag(most(normal, 0), norm(slip), t.friction_damping, t.friction);
         changed = changed || t.parted || size(across / t.across - 1) > settled;
         t.across = across;
+    }
+    for (int k = w.points; k < w.touches; k++) {
+        Touch& t = w.touch[k];
+        if (t.sticky) continue;
+        const real change = w.qdd[t.dof] * h;
+        const real across = drag(-t.stiffness * t.gap, size(t.start.y + change * t.ahead[2]), t.friction_damping, t.friction);
+        changed = changed || size(across / t.across - 1) > settled;
+        t.across = across;
+    }
+    // A held one is within its bounds. All are asked before any is written, so that no load waits for another.
+    Drives& d = w.drives;
+    unsigned beyond[PULLS / 32 + 1] = {};
+    const auto torque = [&](int i) { return d.torque[i] - d.resists[i] * (w.qdd[DOFS + i] * h); };
+    onward<0, DRIVES>([&](auto i) {
+        const real t = torque(i);
+        beyond[i / 32] |= (unsigned)!((d.low[i] <= t) & (t <= d.high[i])) << i % 32;
+    });
+    for (int k = 0; DRIVEN && k <= DRIVES / 32; k++) {
+        if (!beyond[k]) continue;
+        changed = true;
+        d.held[k] |= beyond[k];
+        for (int i = 32 * k; i < DRIVES && i < 32 * (k + 1); i++) {
+            if (!(beyond[k] >> i % 32 & 1)) continue;
+            d.torque[i] = most(d.low[i], least(d.high[i], torque(i)));
+            d.resists[i] = 0;
+        }
     }
     return changed;
 }
@@ -215,15 +255,15 @@ FN void bend(Work& w, Touch& t, V3 turned, real h) {
 
 // What the joints' own dampers and springs resist with.
 FN void share(Work& w, real h) {
-    for (int i = 0; i < NJ; i++) {
+    onward<0, NJ>([&](auto i) {
         const real share = w.damper[i] * h * w.braked[i] + w.spring[i] * h * h * SPRING[i];
         if (ALONG) w.along.dampers[i] = share;
         else w.tree.mass[LOWER(DOFS + i, DOFS + i)] += share;
-    }
+    });
 }
 
 // w.rate, the change of local velocities, from forces in the substep's middle. 1: found, 0: the substep is too long to find it, -1: no inertia.
-BIG int accelerate_ahead(Work& w, const double* tau, real h, bool correct, real settled) {
+BIG int accelerate_ahead(Work& w, real h, bool correct, real settled) {
     Tree& tr = w.tree;
     share(w, h);
     w.twice = false;
@@ -234,22 +274,22 @@ BIG int accelerate_ahead(Work& w, const double* tau, real h, bool correct, real 
             if (pass) {
                 w.twice = true;
                 w.once = pass == 1;
-                for (int k = 0; DRIVEN && k < w.touches; k++) w.early[k] = idle(w.touch[k]);
+                for (int k = 0; DRIVEN && k < w.touches + DRIVES; k++) w.early[k] = idle(w, k);
             }
-            for (int k = 0; k < NV; k++) w.middle[k] = tr.qd[k] + (real)0.5 * h * w.rate[k];
+            onward<0, NV>([&](auto k) { w.middle[k] = tr.qd[k] + (real)0.5 * h * w.rate[k]; });
             bias(tr, w.middle, w.gravity, FOLDS ? w.external : 0);
             // The derivative of a velocity that moves along is the spatial acceleration and w x v.
             if (DOFS) turned = cross(v3(w.middle[0], w.middle[1], w.middle[2]), v3(w.middle[3], w.middle[4], w.middle[5]));
-            for (int k = 0; k < w.touches; k++) if (w.touch[k].link >= 0) bend(w, w.touch[k], turned, h);
-            for (int k = 0; k < NV; k++) w.right[k] = -tr.tau[k];
-            for (int i = 0; i < NJ; i++) w.right[DOFS + i] += (real)tau[i] + w.pull[i] - w.braked[i] * tr.qd[DOFS + i];
+            for (int k = 0; k < w.points; k++) bend(w, w.touch[k], turned, h);
+            onward<0, NV>([&](auto k) { w.right[k] = -tr.tau[k]; });
+            onward<0, NJ>([&](auto i) { w.right[DOFS + i] += (real)w.tau[i] + w.pull[i] - w.braked[i] * tr.qd[DOFS + i]; });
         }
         if (!(ALONG ? pressed_along(w, h) : pressed(w, h))) return -1;
         const bool changed = judge(w, h, settled);
-        if (ALONG) {
+        if (WHIPS) {
             // A chain may whip: then the rate of the substep before says little of this one's middle.
             real jump = 0;
-            for (int k = DOFS; k < NV; k++) jump = most(jump, size(tr.qd[k] + (real)0.5 * h * w.qdd[k] - w.middle[k]));
+            onward<DOFS, NV>([&](auto k) { jump = most(jump, size(tr.qd[k] + (real)0.5 * h * w.qdd[k] - w.middle[k])); });
             jump *= h;
             found = jump <= FAR_OFF;
             // What changed because a point has parted is no whip.
@@ -257,7 +297,7 @@ BIG int accelerate_ahead(Work& w, const double* tau, real h, bool correct, real 
             correct = correct || jump > (corrected ? FAR_OFF : OFF);
             quiet = !changed;
         }
-        for (int k = 0; k < NV; k++) w.rate[k] = w.qdd[k];
+        onward<0, NV>([&](auto k) { w.rate[k] = w.qdd[k]; });
         if (DOFS) {
             w.rate[3] += turned.x; w.rate[4] += turned.y; w.rate[5] += turned.z;
         }
@@ -274,7 +314,7 @@ BIG int accelerate_ahead(Work& w, const double* tau, real h, bool correct, real 
 
 // A frame of so many substeps, each in halves while it is too long to be solved.
 template <class K>
-BIG int implicit(Work& w, const double* scene, const double* tau, const double* drives, double* forces, int substeps, const K& keeper) {
+BIG int implicit(Work& w, const double* scene, double* forces, int substeps, const K& keeper) {
     Tree& tr = w.tree;
     const int whole = 1 << HALVINGS;
     int halved = 0, done = 0;      // how often this substep is; parts of the whole one that are behind
@@ -285,44 +325,43 @@ BIG int implicit(Work& w, const double* scene, const double* tau, const double* 
     for (int substep = 0; substep < substeps;) {
         const bool first = substep == 0 && done == 0;
         const real h = (real)(FRAME / substeps / (1 << halved));
-        if (ALONG) for (int k = 0; k < NQ; k++) w.before[k] = tr.q[k];
+        if (WHIPS) for (int k = 0; k < NQ; k++) w.before[k] = tr.q[k];
         drift(tr, (real)0.5 * h);
         keeper.begins(w, substep);
         kinematics(tr);
         see(w, scene);
-        if (!find(w, h, drives)) return LOST;
+        if (!find(w, h)) return LOST;
         if (FOLDS) fold(w, (real)(FRAME / substeps), h);
         if (!ALONG) crba(tr);
+        w.plain = false;
         if (shared != h) {
             if (!damp(w, h)) return 1 + tr.lost;
             shared = h;
         }
         if (!weigh(w, h)) return 1 + tr.lost;
         if (first) for (int k = 0; k < NV; k++) w.rate[k] = 0;
-        const int found = accelerate_ahead(w, tau, h, first, SETTLED / substeps);
+        const int found = accelerate_ahead(w, h, first, SETTLED / substeps);
         if (found < 0) return 1 + tr.lost;
         if (!found && halved < HALVINGS) {
             for (int k = 0; k < NQ; k++) tr.q[k] = w.before[k];
             halved++;
             continue;
         }
-        for (int k = 0; DRIVEN && k < w.touches; k++) {
-            const Touch& t = w.touch[k];
-            if (!t.bounded) continue;
-            const real change = h * w.rate[t.dof];
-            const real force = t.held ? t.hold : -(t.stiffness * (t.gap + t.ahead[0] * h * change) + t.damping * (t.velocity.x + t.ahead[1] * change));
-            const real work = force * h * (tr.qd[t.dof] + (real)0.5 * change);
+        onward<0, DRIVES>([&](auto i) {
+            const real change = h * w.rate[DOFS + i], torque = w.drives.torque[i] - w.drives.resists[i] * change;
+            const real work = torque * h * (tr.qd[DOFS + i] + (real)0.5 * change);
             w.work += work;
             w.effort += size(work);
-        }
+        });
         keeper.ends(w, substep, h);
-        for (int k = DOFS; k < NV; k++)
-            if (h * most(size(tr.qd[k]), size(tr.qd[k] + h * w.rate[k])) > WHIRL) w.eventful = true;
-        for (int k = 0; k < NV; k++) tr.qd[k] += h * w.rate[k];
+        onward<0, NV>([&](auto k) {
+            const real before = tr.qd[k], after = before + h * w.rate[k];
+            if (k >= DOFS && h * most(size(before), size(after)) > WHIRL) w.eventful = true;
+            tr.qd[k] = after;
+        });
         if (forces)
-            for (int k = 0; k < w.touches; k++) {
+            for (int k = 0; k < w.points; k++) {
                 const Touch& t = w.touch[k];
-                if (t.link < 0) continue;
                 const real share = h / (real)FRAME;
                 double* f = forces + 3 * (t.index / w.surfaces);
                 f[0] += t.force.x * share; f[1] += t.force.y * share; f[2] += t.force.z * share;

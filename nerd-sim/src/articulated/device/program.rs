@@ -4,12 +4,13 @@
 
 use nerd_core::dynamics::Factor;
 
+use super::super::along::{along, chained};
 use super::super::energy::{FALL, FINEST, LABOUR, ROUGHEST, SHARE, WHIRL, WHIRL_RK4};
+use super::super::fold::FOLLOWED;
 use super::super::implicit::{CALM, HALVINGS};
 use super::super::kick::{LOST as FAR_OFF, OFF, PASSES, SETTLED};
 use super::super::stiff::{MOST, MOST_DRAG, MOST_RK4, POWERS};
 use super::super::touch::{CREEP, EVEN};
-use super::super::{along, fold::FOLLOWED};
 use super::own::Own;
 use super::text::{Text, number};
 use crate::prelude::*;
@@ -114,13 +115,14 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
         ("POWERS", POWERS),
     ]);
     let flags = [
-        ("UNROLLED", walks(robot) <= WALKS && !along(robot)),
+        ("UNROLLED", walks(robot) <= WALKS && !deep(system)),
         ("RK4", config.integrator == Integrator::Rk4),
         ("IMPLICIT", implicit),
         ("RENEW", config.refresh == Refresh::Substep),
         ("HUBER", config.friction == Friction::Huber),
         ("HELD", reach.own.held(system)),
         ("ALONG", deep(system)),
+        ("WHIPS", whips(system)),
         ("WATCHED", implicit && system.stand_ins.is_empty() && system.folds.is_empty()),
         ("DRIVEN", reach.driven),
         ("FIELDS", reach.fields),
@@ -145,9 +147,15 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
     text
 }
 
-/// Whether implicit steps go along the tree.
-pub(super) fn deep(system: &System) -> bool {
+/// Whether implicit steps look for whips.
+pub(super) fn whips(system: &System) -> bool {
     along(&system.robot) && system.stand_ins.is_empty() && !system.robot.mimics()
+}
+
+/// Whether they go along the tree: as the CPU's do, but for a robot that is no chain and whose factorisation is short enough to be written out.
+/// A G1's takes a third of the time so.
+pub(super) fn deep(system: &System) -> bool {
+    whips(system) && (chained(&system.robot) || walks(&system.robot) > WALKS)
 }
 
 /// What a factorisation of the mass matrix takes: for each DoF, the square of how many are above it and itself.

@@ -1,6 +1,23 @@
 // Back over the solves of a substep by the implicit function theorem, and over the weights that it found, as articulated/slopes/stage.rs and
 // weigh.rs.
 
+// A drive as a touch of its joint.
+FN Touch driven(const Work& w, int i) {
+    const Drives& d = w.drives;
+    Touch t;
+    t.index = DRIVEN_AT + i; t.link = -1; t.dof = DOFS + i; t.x = t.normal = v3(1, 0, 0);
+    t.stiffness = d.kp[i]; t.damping = d.kd[i]; t.ahead[0] = d.ahead[0][i]; t.ahead[1] = d.ahead[1][i];
+    t.gap = (real)(w.tree.q[COORDS + i] - d.target[i]); t.velocity = v3(w.tree.qd[DOFS + i] - d.speed[i], 0, 0);
+    t.sticky = t.bounded = true;
+    return t;
+}
+
+// f(touch, number) for what acts on a joint.
+template <class F> FN void at_joints(const Work& w, const F& f) {
+    for (int n = w.points; n < w.touches; n++) f(w.touch[n], n);
+    for (int i = 0; i < DRIVES; i++) f(driven(w, i), w.touches + i);
+}
+
 // Back over a point's force under the virtual motion. Returns the gradient by the root's w x v.
 BIG V3 press_back(Work& w, Back& b, const Touch& touch, const Law& law, real h) {
     const int i = touch.link;
@@ -44,11 +61,9 @@ BIG void stage_back(Work& w, Back& b, const Kept& kept, const real* rate, const 
     real low[SIZE], up[SIZE], own[NV];
     entries([&](int k) { low[k] = up[k] = t.mass[k]; });
     for (int k = 0; k < NV; k++) own[k] = 0;
-    for (int n = 0; n < w.touches; n++) {
-        const Touch& touch = w.touch[n];
-        if (touch.link >= 0 || idles(n)) continue;
-        own[touch.dof] -= h * joint_law(touch, h * b.qdd[touch.dof], w.weight[touch.index], h, first, w.even).by_change;
-    }
+    at_joints(w, [&](const Touch& touch, int n) {
+        if (!idles(n)) own[touch.dof] -= h * joint_law(touch, h * b.qdd[touch.dof], w.weight[touch.index], h, first, w.even).by_change;
+    });
     onward<0, NV>([&](auto k) { low[LOWER(k, k)] += own[k]; });
     points(w, [&](Touch& touch, auto link) {
         if (idles(&touch - w.touch)) return;
@@ -77,20 +92,19 @@ BIG void stage_back(Work& w, Back& b, const Kept& kept, const real* rate, const 
         b.braked[i] -= kept.qd[DOFS + i] * own;
         b.share[i] -= b.qdd[DOFS + i] * own;
     }
-    for (int n = 0; n < w.touches; n++) {
-        Touch& touch = w.touch[n];
+    for (int n = 0; n < w.points; n++) {
         if (idles(n)) continue;
-        if (touch.link >= 0) {
-            law(touch, found);
-            by_turn = by_turn + press_back(w, b, touch, found, h);
-            continue;
-        }
+        law(w.touch[n], found);
+        by_turn = by_turn + press_back(w, b, w.touch[n], found, h);
+    }
+    at_joints(w, [&](const Touch& touch, int n) {
+        if (idles(n)) return;
         const JointLaw joint = joint_law(touch, h * b.qdd[touch.dof], w.weight[touch.index], h, first, w.even);
         const real own = b.own[touch.dof];
         b.pose[touch.dof] += joint.by_gap * own;
         b.speed[touch.dof] += joint.by_rate * own;
         b.weight[touch.index] += joint.by_weight * own;
-    }
+    });
     adjoint_end(t, b, w.middle, b.by_middle);
     if (DOFS) {
         const V3 spin = read3(w.middle), v = read3(w.middle + 3);
@@ -128,21 +142,25 @@ BIG void weights_back(Work& w, Back& b, int number, real h) {
         factored = true;
         for (int k = 0; k < NV; k++) b.own[k] = 0;
     };
-    for (int n = 0; n < w.touches; n++) {
+    for (int n = 0; n < w.points; n++) {
         const Touch& touch = w.touch[n];
         const real by = b.weight[touch.index];
         if (by == 0 || b.since[touch.index] != number) continue;
         factor();
-        if (touch.link < 0) {
-            b.own[touch.dof] = 1;
-        } else {
-            V3 a[NV];
-            columns(t, touch.link, touch.x, a);
-            upward(last_dof(touch.link), [&](int k) { b.own[k] = dot(touch.normal, a[k]); });
-        }
+        V3 a[NV];
+        columns(t, touch.link, touch.x, a);
+        upward(last_dof(touch.link), [&](int k) { b.own[k] = dot(touch.normal, a[k]); });
         solve(t, b.own);
-        push_back(t, b, touch.link < 0 ? 0 : &touch, touch.index / (w.surfaces > 0 ? w.surfaces : 1), by);
+        push_back(t, b, &touch, touch.index / w.surfaces, by);
     }
+    at_joints(w, [&](const Touch& touch, int) {
+        const real by = b.weight[touch.index];
+        if (by == 0 || b.since[touch.index] != number) return;
+        factor();
+        b.own[touch.dof] = 1;
+        solve(t, b.own);
+        push_back(t, b, 0, 0, by);
+    });
     for (int i = 0; number == 0 && i < NJ; i++) {
         if (h * most(DAMPING(t)[i], h * SPRING[i]) <= LEAST(t)[i]) continue;
         factor();

@@ -1,12 +1,13 @@
-// What touches in a substep: points on surfaces, joints beyond limits, dry friction, drives. As articulated/touches.rs.
+// What touches in a substep: points on surfaces, joints beyond limits, dry friction; and drives. As articulated/touches.rs.
 // NP points (locus.cuh); NC colliders at most; per joint DAMPING, DRY, LIMIT (lower, upper, stiffness, damping),
 // TOP, SPRING and SLACK (stiffness, and where it pulls to).
 
 constexpr int SCENE = SHARED + OWN;          // numbers of a scene's record
 constexpr int DRIVES = DRIVEN ? NJ : 0;
 constexpr int PAIRS = NP * NC;
-constexpr int MOST = PAIRS + PRESSED + DRIVES + 1;   // PRESSED: dry friction, both ends of a range
-constexpr int WEIGHTS = PAIRS + 3 * NJ + 1;
+constexpr int MOST = PAIRS + PRESSED + 1;            // PRESSED: dry friction, both ends of a range
+constexpr int WEIGHTS = PAIRS + 2 * NJ + DRIVES + 1;
+constexpr int DRIVEN_AT = PAIRS + 2 * NJ;            // where those of the drives begin
 
 struct Touch {
     int index;
@@ -17,9 +18,21 @@ struct Touch {
     V3 normal, velocity, force;
     real gap, stiffness, damping, friction_damping, friction, across;
     real ahead[3];
-    bool sticky, bounded, parted, held;
-    real bounds[2], hold;
+    bool sticky, bounded, parted;
 };
+
+// Drives of all joints, each number of all of them together: they act in every substep, and a thread that fetches the next joint's number with this
+// one's waits once for both.
+constexpr int PULLS = DRIVES + 1;
+struct Drives {
+    double target[PULLS];
+    real kp[PULLS], kd[PULLS], speed[PULLS], effort[PULLS];
+    real ahead[2][PULLS];
+    // The torque without accelerations, and what a change of velocity by h takes off it, until it is beyond a bound and held there.
+    real torque[PULLS], resists[PULLS], low[PULLS], high[PULLS];
+    unsigned held[PULLS / 32 + 1];
+};
+FN bool held(const Drives& d, int i) { return d.held[i / 32] >> i % 32 & 1; }
 
 struct Work {
     Tree tree;
@@ -27,22 +40,26 @@ struct Work {
     int surfaces;
     V3 gravity;
     Touch touch[MOST];
-    int touches;
+    int touches, points;  // the points' come first
+    double tau[NJ + 1];   // as asked for, but here those of a warp's environments lie side by side
+    Drives drives;
     real weight[WEIGHTS]; // w, found once a frame; negative: not yet
+    bool plain;           // whether the substep's mass matrix is factorised, and
+    real alone[NJ + 1];   // accelerations of joints under a unit torque are found
     real braked[NJ + 1], damper[NJ + 1], spring[NJ + 1], pull[NJ + 1];    // as articulated/touches.rs
     bool even;            // whether contacts and limits take the means over a substep
     bool eventful;        // whether something was met in the frame that may give energy
     double work, effort;  // of the drives in the frame, and its size either way
-    double before[ALONG ? NQ : 1];
+    double before[WHIPS ? NQ : 1];
     Along along;
     Wrench external[FOLDS ? NL : 1];      // what links do to each other
     real rate[NV], middle[NV], right[NV], qdd[NV];
     // Of the substep's first solves, where a second middle was found: whether it was one solve, and which touches were idle (with drives; else none).
-    bool twice, once, early[DRIVEN ? MOST : 1];
+    bool twice, once, early[DRIVEN ? MOST + DRIVES : 1];
 };
 
-// Whether it does nothing, or what does not change.
-FN bool idle(const Touch& t) { return t.parted || t.held; }
+// Whether a touch does nothing, or a drive, which come after the touches, what does not change.
+FN bool idle(const Work& w, int n) { return n < w.touches ? w.touch[n].parted : held(w.drives, n - w.touches); }
 
 // Whom a frame tells of its substeps: nobody, or who goes back over them (back.cuh).
 struct Nobody {
@@ -66,6 +83,16 @@ FN void survey(Work& w, const double* scene) {
     }
 }
 
+// What a frame is asked for.
+FN void ask(Work& w, const double* tau, const double* drives) {
+    for (int i = 0; i < NJ; i++) w.tau[i] = tau[i];
+    for (int i = 0; i < DRIVES; i++) {
+        const double* d = drives + 5 * i;
+        w.drives.target[i] = d[2];
+        w.drives.kp[i] = (real)d[0]; w.drives.kd[i] = (real)d[1]; w.drives.speed[i] = (real)d[3]; w.drives.effort[i] = (real)d[4];
+    }
+}
+
 // What a substep meets.
 FN void see(Work& w, const double* scene) {
     w.gravity = v3((real)scene[0], (real)scene[1], (real)scene[2]);
@@ -83,7 +110,7 @@ FN bool inside(real& gap, real half, real& part) {
 
 FN Touch& next(Work& w) {
     Touch& t = w.touch[w.touches++];
-    t.sticky = t.bounded = t.parted = t.held = false;
+    t.sticky = t.bounded = t.parted = false;
     t.friction_damping = t.friction = t.across = 0;
     t.force = t.turn = v3(0, 0, 0);
     return t;
@@ -170,7 +197,7 @@ FN bool meet(Work& w, int point, real h) {
 
 // All points and joints that are beyond their surface in some part of the substep in whose middle they are now; false if a distance
 // is none.
-BIG bool find(Work& w, real h, const double* drives) {
+BIG bool find(Work& w, real h) {
     Tree& tr = w.tree;
     velocities(tr, tr.qd);
     w.touches = 0;
@@ -184,28 +211,19 @@ BIG bool find(Work& w, real h, const double* drives) {
         for (int point = k * WORD; left && point < NP; point++, left >>= 1)
             if (left & 1 && !meet(w, point, h)) return false;
     }
+    w.points = w.touches;
     const int points = NP * w.surfaces;
-    onward<0, NJ>([&](auto i) {
-        if (!(DRY(tr)[i] > 0)) return;
+    for (int i = 0; i < NJ; i++) {
+        if (!(DRY(tr)[i] > 0)) continue;
         // Pressed with its friction at a coefficient of 1.
         Touch& t = next(w);
         t.index = points + NJ + i; t.link = -1; t.dof = DOFS + i; t.x = v3(0, 1, 0); t.normal = v3(1, 0, 0);
         t.stiffness = 1; t.damping = 0; t.friction_damping = DRY(tr)[i] / CREEP; t.friction = 1;
         t.gap = -DRY(tr)[i]; t.start = t.velocity = v3(0, tr.qd[DOFS + i], 0);
-    });
-    for (int i = 0; i < DRIVES; i++) {
-        const double* d = drives + 5 * i;
-        const real v = tr.qd[DOFS + i], effort = (real)d[4];
-        Touch& t = next(w);
-        t.index = points + 2 * NJ + i; t.link = -1; t.dof = DOFS + i; t.x = v3(1, 0, 0); t.normal = v3(1, 0, 0);
-        t.stiffness = (real)d[0]; t.damping = (real)d[1];
-        t.sticky = t.bounded = true;
-        t.gap = (real)(tr.q[COORDS + i] - d[2]); t.start = t.velocity = v3(v - (real)d[3], 0, 0);
-        t.bounds[0] = v < -TOP[i] ? 0 : -effort; t.bounds[1] = v > TOP[i] ? 0 : effort;
     }
-    onward<0, NJ>([&](auto i) {
+    for (int i = 0; i < NJ; i++) {
         const real* limit = LIMIT + 4 * i;
-        if (!(limit[2] > 0 || limit[3] > 0)) return;
+        if (!(limit[2] > 0 || limit[3] > 0)) continue;
         for (int end = 0; end < 2; end++) {
             const real side = end ? -1 : 1;
             const real v = side * tr.qd[DOFS + i];
@@ -217,7 +235,7 @@ BIG bool find(Work& w, real h, const double* drives) {
             t.sticky = true;
             t.gap = gap; t.start = t.velocity = v3(v, 0, 0);
         }
-    });
+    }
     return true;
 }
 
@@ -240,10 +258,10 @@ template <class F> FN void points(Work& w, const F& f) {
     if constexpr (UNROLLED)
         onward<0, NL>([&](auto link) {
             if constexpr (pointed(link.n))
-                for (int k = 0; k < w.touches; k++) if (w.touch[k].link == link) f(w.touch[k], link);
+                for (int k = 0; k < w.points; k++) if (w.touch[k].link == link) f(w.touch[k], link);
         });
     else
-        for (int k = 0; k < w.touches; k++) if (w.touch[k].link >= 0) f(w.touch[k], w.touch[k].link);
+        for (int k = 0; k < w.points; k++) f(w.touch[k], w.touch[k].link);
 }
 
 // Friction over slip.

@@ -191,7 +191,7 @@ FN bool factorise(Tree& t, real* l) {
         const real square = l[LOWER(k, k)];
         // What follows is of no use then, and does no harm.
         if (!(square > (real)1e-12 * given[k]) && lost < 0) lost = k;
-        const real inverse = 1 / sqrt(square);
+        const real inverse = inverse_root(square);
         l[LOWER(k, k)] = inverse;
         above(k, [&](auto i) { l[LOWER(k, i)] *= inverse; });
         above(k, [&](auto i) {
