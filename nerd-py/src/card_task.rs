@@ -16,7 +16,12 @@ use crate::task::read;
 /// CardTask(name, robot=None, n=1, solver="articulated", family=None)
 #[pyclass(frozen, module = "nerd")]
 pub struct CardTask {
-    about: nerd_tasks::About,
+    /// Numbers of an observation.
+    #[pyo3(get)]
+    observation: usize,
+    /// Numbers of an action, each from -1 to 1.
+    #[pyo3(get)]
+    action: usize,
     n: usize,
     order: Order,
     inner: Mutex<CudaEpisodes>,
@@ -36,12 +41,13 @@ impl CardTask {
         let (task, episodes) = read(name, robot, n, solver, "cuda", 0, family)?;
         let n = episodes.len();
         let inner = py.detach(|| CudaEpisodes::new(episodes)).map_err(value)?;
-        Ok(Self { about: task.about, n, order: Arc::new(Mutex::new(inner.beside())), inner: Mutex::new(inner) })
+        let nerd_tasks::About { observation, action, .. } = task.about;
+        Ok(Self { observation, action, n, order: Arc::new(Mutex::new(inner.beside())), inner: Mutex::new(inner) })
     }
 
     /// step(actions): float32 [n, action] on the card. It does not wait; arrays() are what comes of it.
     fn step(&self, py: Python<'_>, actions: &Bound<'_, PyAny>) -> PyResult<()> {
-        let actions = address("actions", actions, SINGLE, &[self.n, self.about.action], &beside(&self.order))?;
+        let actions = address("actions", actions, SINGLE, &[self.n, self.action], &beside(&self.order))?;
         self.with(py, |all| all.step(actions))
     }
 
@@ -53,7 +59,7 @@ impl CardTask {
     /// Observations, rewards, terminated, truncated, and observations reached before ended episodes began anew.
     fn arrays(&self) -> [CardArray; 5] {
         let shown = self.inner.lock().unwrap_or_else(PoisonError::into_inner).shown().clone();
-        let (rows, n) = ([self.n, self.about.observation], [self.n]);
+        let (rows, n) = ([self.n, self.observation], [self.n]);
         let single = |of, shape: &[usize]| CardArray::new(&shown, of, SINGLE, shape, &self.order);
         let flags = |of| CardArray::new::<u8, _>(&shown, of, BOOL, &n, &self.order);
         [
@@ -68,17 +74,5 @@ impl CardTask {
     /// Episodes that the solver could not go on with since this was asked last, which ended without a reward. It waits for the card.
     fn failed(&self, py: Python<'_>) -> PyResult<usize> {
         self.with(py, CudaEpisodes::failed)
-    }
-
-    /// Numbers of an observation.
-    #[getter]
-    fn observation(&self) -> usize {
-        self.about.observation
-    }
-
-    /// Numbers of an action, each from -1 to 1.
-    #[getter]
-    fn action(&self) -> usize {
-        self.about.action
     }
 }

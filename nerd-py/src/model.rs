@@ -19,54 +19,39 @@ use crate::threads;
 #[pyclass(frozen, module = "nerd")]
 pub struct Model {
     folder: PathBuf,
-    config: ModelConfig,
+    /// Name of the robot that it is of.
+    #[pyo3(get)]
+    robot: String,
+    /// The solver that it learned.
+    #[pyo3(get)]
+    truth: String,
+    /// SHA-256 of all that decides its predictions.
+    #[pyo3(get)]
+    sha256: String,
+    /// Weights of its network.
+    #[pyo3(get)]
+    parameters: usize,
+    /// Frames that a prediction depends on; of one frame it has slopes.
+    #[pyo3(get)]
+    reach: usize,
 }
 
 #[pymethods]
 impl Model {
     #[new]
     fn new(folder: PathBuf) -> PyResult<Self> {
-        let config = ModelConfig::read(&folder).map_err(value)?;
+        let ModelConfig { robot, truth, model_sha256: sha256, network, .. } = ModelConfig::read(&folder).map_err(value)?;
         // It stays the same wherever others work.
-        Ok(Self { folder: std::path::absolute(folder)?, config })
+        let folder = std::path::absolute(folder)?;
+        Ok(Self { folder, robot, truth, sha256, parameters: network.parameters(), reach: network.reach() })
     }
 
     fn __fspath__(&self) -> String {
         self.folder.to_string_lossy().into_owned()
     }
 
-    /// Name of the robot that it is of.
-    #[getter]
-    fn robot(&self) -> &str {
-        &self.config.robot
-    }
-
-    /// The solver that it learned.
-    #[getter]
-    fn truth(&self) -> &str {
-        &self.config.truth
-    }
-
-    /// SHA-256 of all that decides its predictions.
-    #[getter]
-    fn sha256(&self) -> &str {
-        &self.config.model_sha256
-    }
-
-    /// Weights of its network.
-    #[getter]
-    fn parameters(&self) -> usize {
-        self.config.network.parameters()
-    }
-
-    /// Frames that a prediction depends on; of one frame it has slopes.
-    #[getter]
-    fn reach(&self) -> usize {
-        self.config.network.reach()
-    }
-
     fn __repr__(&self) -> String {
-        format!("Model({:?}, robot={:?}, truth={:?})", self.folder.display().to_string(), self.config.robot, self.config.truth)
+        format!("Model({:?}, robot={:?}, truth={:?})", self.folder.display().to_string(), self.robot, self.truth)
     }
 }
 
@@ -76,6 +61,8 @@ impl Model {
 #[pyclass(frozen, module = "nerd")]
 pub struct Policy {
     folder: PathBuf,
+    /// The task that it was trained for.
+    #[pyo3(get)]
     task: String,
     policy: nerd_train::ppo::Policy,
     actor: Actor,
@@ -96,12 +83,6 @@ impl Policy {
 
     fn __repr__(&self) -> String {
         format!("Policy({:?}, task={:?}, inputs={})", self.folder.display().to_string(), self.task, self.inputs())
-    }
-
-    /// The task that it was trained for.
-    #[getter]
-    fn task(&self) -> &str {
-        &self.task
     }
 
     /// Numbers of a row that it sees: an observation, or of a policy that remembers the newest one and differences of the last ones.

@@ -1,10 +1,11 @@
 //! Batches with their solver.
 
+use std::fmt::Display;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use nerd_sim::drive::{Drive, holding, specified};
-use nerd_sim::prelude::{Batch, Start, System as Robot, start, stream};
+use nerd_sim::prelude::{Batch, Isometry3, Start, System as Robot, start, stream};
 use nerd_sim::solver::{Fault, StepError};
 use nerd_sim::vary;
 use nerd_train::device::Device;
@@ -39,9 +40,13 @@ use crate::threads;
 /// Raises ValueError, in one line, for what does not go together.
 #[pyclass(frozen, module = "nerd")]
 pub struct Simulation {
+    /// The robot.
+    #[pyo3(get, name = "system")]
     named: System,
-    system: Arc<Robot>,
-    n: usize,
+    pub system: Arc<Robot>,
+    /// Environments.
+    #[pyo3(get)]
+    pub n: usize,
     /// Address of the batch's states, which solvers write to and never move.
     states: usize,
     seed: u64,
@@ -87,14 +92,15 @@ impl Simulation {
         done?.map_err(step)
     }
 
-    /// The robot.
-    pub fn robot(&self) -> &Robot {
-        &self.system
-    }
-
-    /// Environments.
-    pub fn len(&self) -> usize {
-        self.n
+    /// So many numbers of each environment.
+    fn each<'py, E: Display + Send>(
+        &self,
+        py: Python<'py>,
+        width: usize,
+        of: impl Fn(&Batch, usize) -> Result<Vec<f64>, E> + Sync,
+    ) -> PyResult<Floats<'py>> {
+        let found = self.with(py, |inner| (0..self.n).map(|env| of(&inner.simulation.batch, env)).collect::<Result<Vec<_>, _>>())?;
+        made(py, found.map_err(value)?.concat(), &[self.n, width])
     }
 
     /// Torques, states.
@@ -246,31 +252,19 @@ impl Simulation {
 
     /// poses(name): where a link or a frame is in the world, float64 [n, 7]: position (m), quaternion x y z w.
     fn poses<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Floats<'py>> {
-        let poses = self.with(py, |inner| {
-            let all = (0..self.n).map(|env| inner.simulation.batch.pose(env, name));
-            all.map(|pose| pose.map(|p| [p.translation.vector.as_slice(), p.rotation.coords.as_slice()].concat()))
-                .collect::<Result<Vec<_>, _>>()
-        });
-        made(py, poses?.map_err(value)?.concat(), &[self.n, 7])
+        let numbers = |p: Isometry3<f64>| [p.translation.vector.as_slice(), p.rotation.coords.as_slice()].concat();
+        self.each(py, 7, |batch, env| batch.pose(env, name).map(numbers))
     }
 
     /// velocities(name): of a link or a frame, float64 [n, 6]: angular (rad/s), and of its origin (m/s), world axes.
     fn velocities<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Floats<'py>> {
-        let velocities = self.with(py, |inner| {
-            let all = (0..self.n).map(|env| inner.simulation.batch.velocity(env, name));
-            all.map(|velocity| velocity.map(|v| v.vector().as_slice().to_vec())).collect::<Result<Vec<_>, _>>()
-        });
-        made(py, velocities?.map_err(value)?.concat(), &[self.n, 6])
+        self.each(py, 6, |batch, env| batch.velocity(env, name).map(|v| v.vector().as_slice().to_vec()))
     }
 
     /// contact_forces(link): mean force (N) of the scene on a moving link in the last frame, world axes, float64 [n, 3]. Raises
     /// ValueError before the first frame and after one of a solver that tells none.
     fn contact_forces<'py>(&self, py: Python<'py>, link: &str) -> PyResult<Floats<'py>> {
-        let forces = self.with(py, |inner| {
-            let all = (0..self.n).map(|env| inner.simulation.batch.contact_force(env, link));
-            all.map(|force| force.map(|f| f.as_slice().to_vec())).collect::<Result<Vec<_>, _>>()
-        });
-        made(py, forces?.map_err(value)?.concat(), &[self.n, 3])
+        self.each(py, 3, |batch, env| batch.contact_force(env, link).map(|f| f.as_slice().to_vec()))
     }
 
     /// drive(targets, kp=None, kd=None): from now on `kp (target - q) - kd qd` acts at every joint beside a step's torques, in each of the
@@ -313,18 +307,6 @@ impl Simulation {
     fn swap(&self, py: Python<'_>, solver: PathBuf) -> PyResult<()> {
         let mut solver = Choice { word: solver, device: self.device }.checked()?.solver(&self.system, self.n)?;
         self.change(py, |simulation| std::mem::swap(&mut simulation.solver, &mut solver))
-    }
-
-    /// The robot.
-    #[getter]
-    fn system(&self) -> System {
-        self.named.clone()
-    }
-
-    /// Environments.
-    #[getter]
-    fn n(&self) -> usize {
-        self.n
     }
 
     /// Frames stepped since each environment's reset, int [n].

@@ -47,11 +47,11 @@ pub fn vjp<'py>(
     tau: &Bound<'py, PyAny>,
     by_next: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Back<'py>> {
-    let ([joints, width], n) = (simulation.widths(), simulation.len());
+    let ([joints, width], n) = (simulation.widths(), simulation.n);
     let mut states = numbers::<f64>("states", states, &[&[n, width]])?;
     let tau = numbers::<f64>("tau", tau, &[&[n, joints]])?;
     let by_next = by_next.map(|by| numbers::<f64>("by_next", by, &[&[n, width]])).transpose()?;
-    let robot = &simulation.robot().robot;
+    let robot = &simulation.system.robot;
     let lengths = units(robot.floating(), &mut states, width);
     let found = simulation.with(py, |inner| {
         inner.at(states, |simulation| -> Result<(Slopes, Vec<f64>), StepError> {
@@ -79,7 +79,7 @@ pub fn vjp<'py>(
 /// a way and velocities in its own axes): A [n, 2 nv, 2 nv] and B [n, 2 nv, joints], float64.
 #[pyfunction]
 pub fn linearise<'py>(simulation: &Simulation, py: Python<'py>, tau: &Bound<'py, PyAny>) -> PyResult<(Floats<'py>, Floats<'py>)> {
-    let ([joints, _], n, size) = (simulation.widths(), simulation.len(), 2 * simulation.robot().robot.nv());
+    let ([joints, _], n, size) = (simulation.widths(), simulation.n, 2 * simulation.system.robot.nv());
     let tau = numbers::<f64>("tau", tau, &[&[n, joints]])?;
     let slopes = simulation.with(py, |inner| inner.simulation.solver.linearise(&inner.simulation.batch, &tau))?.map_err(step)?;
     Ok((made(py, slopes.states, &[n, size, size])?, made(py, slopes.torques, &[n, size, joints])?))

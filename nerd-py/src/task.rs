@@ -26,8 +26,31 @@ type Bools<'py> = Bound<'py, PyArrayDyn<bool>>;
 /// environment draws its own.
 #[pyclass(frozen, module = "nerd")]
 pub struct Task {
-    read: Read,
+    /// What it was called by.
+    #[pyo3(get)]
+    name: String,
+    /// Names of what its reward is made of.
+    #[pyo3(get)]
+    terms: Vec<String>,
+    /// The robot.
+    #[pyo3(get)]
+    system: System,
+    /// Environments.
+    #[pyo3(get)]
     n: usize,
+    /// Numbers of an observation.
+    #[pyo3(get)]
+    observation: usize,
+    /// Numbers of an action, each from -1 to 1.
+    #[pyo3(get)]
+    action: usize,
+    /// Steps after which an episode is truncated.
+    #[pyo3(get)]
+    steps: u64,
+    /// Frames of a step.
+    #[pyo3(get)]
+    frames: u64,
+    family: Option<String>,
     inner: Mutex<Episodes>,
 }
 
@@ -88,8 +111,10 @@ impl Task {
     #[new]
     #[pyo3(signature = (name, robot=None, n=1, solver=PathBuf::from("articulated"), device="cpu", seed=0, family=None))]
     fn new(name: PathBuf, robot: Option<Named>, n: i64, solver: PathBuf, device: &str, seed: i64, family: Option<Named>) -> PyResult<Self> {
-        let (read, episodes) = read(name, robot, n, solver, device, seed, family)?;
-        Ok(Self { read, n: episodes.len(), inner: Mutex::new(episodes) })
+        let (Read { about, name, terms, system, family }, episodes) = read(name, robot, n, solver, device, seed, family)?;
+        let nerd_tasks::About { observation, action, steps, frames, .. } = about;
+        let (n, inner) = (episodes.len(), Mutex::new(episodes));
+        Ok(Self { name, terms, system, n, observation, action, steps, frames, family, inner })
     }
 
     /// step(actions): float64 [n, action], clamped to [-1, 1]. Rewards [n], terminated [n], truncated [n], observations [n,
@@ -97,37 +122,37 @@ impl Task {
     /// of a task that does not speak of success), [n] whether the solver could not go on, and [n, terms] what rewards are made of. Ended episodes have restarted:
     /// observations() are those of the new ones.
     fn step<'py>(&self, py: Python<'py>, actions: &Bound<'py, PyAny>) -> PyResult<Stepped<'py>> {
-        let actions = numbers::<f64>("actions", actions, &[&[self.n, self.read.about.action]])?;
+        let actions = numbers::<f64>("actions", actions, &[&[self.n, self.action]])?;
         if let Some(at) = actions.iter().position(|x| x.is_nan()) {
-            return Err(value(format!("actions: environment {} has NaN; each is from -1 to 1", at / self.read.about.action)));
+            return Err(value(format!("actions: environment {} has NaN; each is from -1 to 1", at / self.action)));
         }
         let StepResult { rewards, terminated, truncated, reached, misses, failed, terms, .. } =
             self.with(py, |all| all.step(&actions))?.map_err(step)?;
         let misses = misses.into_iter().map(|miss| miss.unwrap_or(f64::NAN)).collect();
         let n = &[self.n];
-        let reached = made(py, reached, &[self.n, self.read.about.observation])?;
+        let reached = made(py, reached, &[self.n, self.observation])?;
         let [terminated, truncated, failed] = [made(py, terminated, n)?, made(py, truncated, n)?, made(py, failed, n)?];
-        let terms = made(py, terms, &[self.n, self.read.terms.len()])?;
+        let terms = made(py, terms, &[self.n, self.terms.len()])?;
         Ok((made(py, rewards, n)?, terminated, truncated, reached, made(py, misses, n)?, failed, terms))
     }
 
     /// Observations of the present states, float64 [n, observation].
     fn observations<'py>(&self, py: Python<'py>) -> PyResult<Floats<'py>> {
-        made(py, self.with(py, |all| all.observations().to_vec())?, &[self.n, self.read.about.observation])
+        made(py, self.with(py, |all| all.observations().to_vec())?, &[self.n, self.observation])
     }
 
     /// A copy of the present states [q, qd], float64 [n, nq + nv].
     #[getter]
     fn states<'py>(&self, py: Python<'py>) -> PyResult<Floats<'py>> {
         let states = self.with(py, |all| all.simulation.batch.states.clone())?;
-        made(py, states, &[self.n, self.read.system.system.robot.state_dim()])
+        made(py, states, &[self.n, self.system.system.robot.state_dim()])
     }
 
     /// swap(solver, device="cpu"): goes on with another solver from the same states.
     #[pyo3(signature = (solver, device="cpu"))]
     fn swap(&self, py: Python<'_>, solver: PathBuf, device: &str) -> PyResult<()> {
-        let task = nerd_tasks::named(&self.read.name).map_err(value)?;
-        let arena = Choice::new(solver, device)?.arena(&self.read.name, task.robot(), self.read.family.as_deref())?;
+        let task = nerd_tasks::named(&self.name).map_err(value)?;
+        let arena = Choice::new(solver, device)?.arena(&self.name, task.robot(), self.family.as_deref())?;
         let solver = arena.begin(task, self.n, 0).map_err(value)?.simulation.solver;
         self.with(py, |all| all.simulation.solver = solver)
     }
@@ -149,54 +174,6 @@ impl Task {
         let numbers = crate::arrays::numbers::<u64>("numbers", numbers, &[&[self.n]])?;
         let episodes: Vec<(usize, u64)> = numbers.into_iter().enumerate().filter(|(env, _)| mask[*env]).collect();
         self.with(py, |all| all.begin_numbered(&episodes))?.map_err(step)
-    }
-
-    /// What it was called by.
-    #[getter]
-    fn name(&self) -> &str {
-        &self.read.name
-    }
-
-    /// Names of what its reward is made of.
-    #[getter]
-    fn terms(&self) -> Vec<String> {
-        self.read.terms.clone()
-    }
-
-    /// The robot.
-    #[getter]
-    fn system(&self) -> System {
-        self.read.system.clone()
-    }
-
-    /// Environments.
-    #[getter]
-    fn n(&self) -> usize {
-        self.n
-    }
-
-    /// Numbers of an observation.
-    #[getter]
-    fn observation(&self) -> usize {
-        self.read.about.observation
-    }
-
-    /// Numbers of an action, each from -1 to 1.
-    #[getter]
-    fn action(&self) -> usize {
-        self.read.about.action
-    }
-
-    /// Steps after which an episode is truncated.
-    #[getter]
-    fn steps(&self) -> u64 {
-        self.read.about.steps
-    }
-
-    /// Frames of a step.
-    #[getter]
-    fn frames(&self) -> u64 {
-        self.read.about.frames
     }
 
     /// Names of the tasks that have a robot.
