@@ -46,11 +46,6 @@ impl Neural {
         Self::new(model, network)
     }
 
-    /// What was learned, from what.
-    pub fn model(&self) -> &Model {
-        &self.model
-    }
-
     /// Robots of their own are for models of a family.
     fn check(&mut self, batch: &Batch, torques: &[f64]) -> Result<(), StepError> {
         let check = if batch.system.spec.vary.is_some() { check_kin } else { check };

@@ -1,6 +1,6 @@
 #![doc = include_str!("../README.md")]
 
-/// A line on standard error, unless the process is quiet. The standard `eprintln!` panics on a closed pipe.
+/// A line on standard error. The standard `eprintln!` panics on a closed pipe.
 #[macro_export]
 macro_rules! tell {
     ($($text:tt)*) => { $crate::progress::tell(format_args!($($text)*)) };

@@ -1,28 +1,13 @@
 //! Progress on standard error: a bar on a terminal, a line every twenty seconds elsewhere.
 
 use std::io::{IsTerminal, Write};
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::prelude::*;
 
-static QUIET: AtomicBool = AtomicBool::new(false);
-
-/// From now on this process says nothing of what it does: another one speaks for it.
-pub fn quiet() {
-    QUIET.store(true, Ordering::Relaxed);
-}
-
 /// A line on standard error. Nobody may read there (`2>&1 | head`), which ends no work.
 pub fn tell(text: std::fmt::Arguments) {
-    if !QUIET.load(Ordering::Relaxed) {
-        last(text);
-    }
-}
-
-/// The line that a failed process ends with; it is always printed.
-pub fn last(text: std::fmt::Arguments) {
     let _ = writeln!(std::io::stderr().lock(), "{text}");
 }
 
@@ -55,7 +40,7 @@ pub fn bar(what: &str, total: u64) -> Bar {
 
 /// Starts a bar over `total` units of `what`, of which `done` were done before.
 pub fn bar_from(what: &str, done: u64, total: u64) -> Bar {
-    let inner = rayon::current_thread_index().is_some() || QUIET.load(Ordering::Relaxed);
+    let inner = rayon::current_thread_index().is_some();
     let shown = std::io::stderr().is_terminal() && !inner;
     let target = if shown { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
     let bar = ProgressBar::with_draw_target(Some(total), target).with_message(what.to_string());

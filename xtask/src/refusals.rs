@@ -2,7 +2,7 @@
 
 /// Says it; the exit code.
 pub fn end(words: &str) -> u8 {
-    nerd_train::progress::last(format_args!("error: {words}"));
+    tell!("error: {words}");
     2
 }
 
