@@ -122,9 +122,13 @@ def test_seeds_and_resets():
     assert (one != two).any(axis=1).all() and (two != three).any(axis=1).all()
     again, _ = env.reset(seed=1)
     assert (again == one).all() and (env.reset()[0] == two).all()
-    for seed in (-1, 2**63, [1, 2, 3, 4], "a", True):
-        with pytest.raises((ValueError, gymnasium.error.Error)):
-            env.reset(seed=seed)
+    one = gymnasium.make("nerd/AntRun-v0").unwrapped
+    assert (one.reset(seed=np.int64(1))[0] == again[0]).all()
+    wrong = [{"seed": seed} for seed in (-1, 2**63, [1, 2, 3, 4], np.arange(2000), "a", 1.5, True)]
+    for asked in wrong + [{"options": options} for options in (3, "reset_mask", [], {"mask": 1}, {1: np.zeros(2000)})]:
+        for any_env in (env, one):
+            with pytest.raises(ValueError, match=f"^{[*asked][0]}: [^\n]*$"):
+                any_env.reset(**asked)
     unseeded = [nerd.make_vec("ant-run", n=1).reset()[0] for _ in range(2)]
     assert (unseeded[0] != unseeded[1]).any()
 

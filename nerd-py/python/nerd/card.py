@@ -6,6 +6,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from ._nerd import CardTask
+from .gym import _seed
 
 
 class CardVectorEnv(VectorEnv):
@@ -32,9 +33,8 @@ class CardVectorEnv(VectorEnv):
 
     def reset(self, *, seed=None, options=None):
         """The first episodes of a seed, or of one that is drawn."""
+        seed = _seed(seed, options)
         super().reset(seed=seed)
-        if options:
-            raise ValueError(f"options={options}: on a card ended episodes restart by themselves, and reset() restarts all")
         self._task.reset(int(self.np_random.integers(2**63 - 1)) if seed is None else seed)
         return self._xp.from_dlpack(self._arrays[0]), {}
 

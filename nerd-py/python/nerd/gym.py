@@ -53,6 +53,18 @@ def _spaces(task):
     return box(np.inf, task.observation), box(1.0, task.action)
 
 
+def _seed(seed, options, *keys):
+    """A seed as Python's own number; what reset() can do nothing with is refused."""
+    if options is not None and not (isinstance(options, dict) and options.keys() <= set(keys)):
+        found = ", ".join(map(repr, options)) if isinstance(options, dict) else type(options).__name__
+        raise ValueError(f"options: {f'a dict with {keys[0]} alone is' if keys else 'none are'} taken; {found} was given")
+    whole = isinstance(seed, (int, np.integer)) and not isinstance(seed, bool)
+    if seed is not None and not (whole and 0 <= seed < 2**63):
+        found = seed if whole else type(seed).__name__
+        raise ValueError(f"seed: one whole number from 0 to 2**63 - 1 is needed, for all environments, not {found}")
+    return None if seed is None else int(seed)
+
+
 class _Tasks:
     """What environments of a task have in common."""
 
@@ -83,9 +95,7 @@ class _Tasks:
         if seed is None and not self._began:
             seed = int(self.np_random.integers(2**63 - 1))
         if seed is not None:
-            if isinstance(seed, bool) or not isinstance(seed, (int, np.integer)) or not 0 <= seed < 2**63:
-                raise ValueError(f"seed={seed!r}: one whole number from 0 to 2**63 - 1 is needed, of which each environment draws its own")
-            self._task.reset(int(seed))
+            self._task.reset(seed)
         else:
             # What has ended is at the start of its next episode already, which nobody has seen.
             self._task.begin(mask & ~self._fresh, self._task.numbers + 1)
@@ -116,7 +126,8 @@ class TaskVectorEnv(_Tasks, VectorEnv):
         self._ended = np.zeros(num_envs, bool)
 
     def reset(self, *, seed=None, options=None):
-        super().reset(seed=seed if isinstance(seed, int) else None, options=options)
+        seed = _seed(seed, options, "reset_mask")
+        super().reset(seed=seed)
         mask = (options or {}).get("reset_mask")
         if mask is None:
             mask = np.ones(self.num_envs, bool)
@@ -184,6 +195,7 @@ class TaskEnv(_Tasks, gymnasium.Env):
         self._fresh = np.zeros(1, bool)
 
     def reset(self, *, seed=None, options=None):
+        seed = _seed(seed, options)
         super().reset(seed=seed)
         self._restart(seed, np.ones(1, bool))
         return self._task.observations()[0], {}

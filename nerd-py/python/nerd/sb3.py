@@ -20,7 +20,7 @@ class VecEnv(_VecEnv):
         super().__init__(n, box(self.env.single_observation_space), box(self.env.single_action_space))
 
     def reset(self):
-        observations, _ = self.env.reset(seed=self._seeds[0])
+        observations, _ = self.env.reset(seed=self._seeds[0], options=self._options[0])
         self._reset_seeds()
         self._reset_options()
         return np.float32(observations)
