@@ -73,8 +73,13 @@ pub fn named(name: &str) -> Result<Box<dyn Task>, TaskError> {
             None => Ok(own),
         };
     }
-    if Path::new(task).extension().is_none_or(|ending| ending != "toml") {
-        return Err(TaskError::Unknown(task.into(), names().into_iter().chain(general()).collect::<Vec<_>>().join(", ")));
+    // A cable's file ends as a task's does: `wlk@lead.toml` may be either.
+    let unknown = match task.split_once('@') {
+        Some((own, _)) if !Path::new(task).exists() => Some(format!("{own}` and no file `{task}")),
+        _ => Path::new(task).extension().is_none_or(|ending| ending != "toml").then(|| task.into()),
+    };
+    if let Some(unknown) = unknown {
+        return Err(TaskError::Unknown(unknown, [names(), general()].concat().join(", ")));
     }
     let text = read_text(Path::new(task)).map_err(|e| TaskError::File(task.into(), e.to_string()))?;
     Ok(Box::new(FileTask::new(name, &text, robot)?))

@@ -97,6 +97,8 @@ fn what_is_wrong_with_a_file_is_said_with_its_place() {
         "task `cartpole-swingup` is for `cartpole`: those for any robot are walk, rough, stand, reach"
     );
     assert!(named("ant-run@ant").is_ok() && said("wlk@ant").starts_with("no task `wlk`: "), "{}", said("wlk@ant"));
+    let lead = said("wlk@no/lead.toml");
+    assert!(lead.starts_with("no task `wlk` and no file `wlk@no/lead.toml`: choose from ") && lead.contains("walk"), "{lead}");
     assert!(said("no/such.toml").contains("no/such.toml"), "{}", said("no/such.toml"));
     assert!(said("walk@cube").ends_with("`cube` has no joint that moves: there is nothing to act with"), "{}", said("walk@cube"));
     for (name, [task, robot]) in [("a@b/my.toml@c@d/go2.xml", ["a@b/my.toml", "c@d/go2.xml"]), ("walk@lead.toml", ["walk", "lead.toml"])] {
