@@ -326,13 +326,13 @@ fn terms_of_rewards_have_a_column_by_policy() {
 fn json_has_numbers_where_a_column_holds_nothing_else() {
     let header = ["name", "label", "error", "games", "verdict", "none"];
     let rows = [
-        ["1e5", "007", "1.50 / 2", "3", "1.00", "-"],
+        ["1e5", "007", "1.50 ± 0.5 / 2", "3", "1.00", "-"],
         ["nan", "nan", "-", "1.5e-3", "under 0.01", "-"],
         ["12", "8", "NaN +- 0.5", "-0.25", "2", "-"],
     ];
     let table = Table::new("some", &header).with(rows.map(|row| row.map(String::from).to_vec()));
     let rows = serde_json::json!([
-        { "name": "1e5", "label": "007", "error": [1.5, 2.0], "games": 3.0, "verdict": "1.00", "none": null },
+        { "name": "1e5", "label": "007", "error": [1.5, 0.5, 2.0], "games": 3.0, "verdict": "1.00", "none": null },
         { "name": "nan", "label": "nan", "error": null, "games": 0.0015, "verdict": "under 0.01", "none": null },
         { "name": "12", "label": "8", "error": [null, 0.5], "games": -0.25, "verdict": "2", "none": null },
     ]);

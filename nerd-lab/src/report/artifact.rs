@@ -56,8 +56,11 @@ pub fn may_write(folder: &Path, name: &str, provenance: &Provenance, effort: f64
     if name.is_empty() || name.starts_with('.') || name.contains(['/', '\\']) {
         bail!("--name `{name}`: a result's folder is named by letters and digits; --out says where it is");
     }
-    let Ok(there) = Artifact::read(folder, name) else { return Ok(()) };
     let path = file(folder, name);
+    if let Some(taken) = path.ancestors().skip(1).find(|place| place.is_file()) {
+        bail!("--out: {}: is a file, not a folder", taken.display());
+    }
+    let Ok(there) = Artifact::read(folder, name) else { return Ok(()) };
     if effort < there.effort {
         bail!(
             "{}: measured with {:.3e} rollout frames, this run has {effort:.3e}; write it elsewhere (--out out/try)",
@@ -109,8 +112,8 @@ impl Table {
         markdown(&header, &self.rows) + &note
     }
 
-    /// Rows as objects. The first column has names. In another that holds nothing but numbers, `2.1` is a number, `1.2 / 3.4` and `1.2 +- 3.4`
-    /// are lists, and `-` and what is not finite are null. One cell in words, such as `under 0.01`, makes its whole column text.
+    /// Rows as objects. The first column has names. In another that holds nothing but numbers, `2.1` is a number, `1.2 / 3.4`, `1.2 +- 3.4`
+    /// and `1.2 ± 3.4` are lists, and `-` and what is not finite are null. One cell in words, such as `under 0.01`, makes its whole column text.
     pub fn json(&self) -> Value {
         let counts = |k: usize| k > 0 && self.rows.iter().all(|row| row[k] == "-" || numbers(&row[k]).is_some());
         let counts: Vec<bool> = (0..self.header.len()).map(counts).collect();
@@ -131,7 +134,7 @@ fn numbers(cell: &str) -> Option<Vec<f64>> {
         let printed = matches!(digits, [b'0'] | [b'0', b'.', ..] | [b'1'..=b'9', ..]) || ["NaN", "inf", "-inf"].contains(&part);
         part.parse().ok().filter(|_| printed)
     };
-    cell.split(" / ").flat_map(|part| part.split(" +- ")).map(number).collect()
+    cell.split(" / ").flat_map(|part| part.split(" +- ")).flat_map(|part| part.split(" ± ")).map(number).collect()
 }
 
 /// A cell, or a dash where there is nothing.

@@ -24,8 +24,8 @@ def _word(value):
 def run(*verb, **options):
     """A verb with its options, `run("evaluate", robot="ant", solver="neural")`; its tables, by name, each a list of rows.
 
-    The first column has names. In another that holds nothing but numbers, `2.1` is a number, `1.2 / 3.4` and `1.2 +- 3.4` are lists, and `-`
-    and NaN are None. `starts=8` is `--starts 8`, `stream=True` is `--stream`, a list is joined by commas. What it tells goes to standard
+    The first column has names. In another that holds nothing but numbers, `2.1` is a number, `1.2 / 3.4`, `1.2 +- 3.4` and
+    `1.2 ± 3.4` are lists, and `-` and NaN are None. `starts=8` is `--starts 8`, `stream=True` is `--stream`, a list is joined by commas. What it tells goes to standard
     error.
 
     Raises ValueError with the one line that it was refused with.
