@@ -46,7 +46,9 @@ impl Entry {
                 bail!("--set {name}: settings of {} are {}", self.name, known.join(", "));
             };
             let value = key.values.parse(value).map_err(|needed| anyhow::anyhow!("--set {name}={value}: {needed}"))?;
-            given.insert(name.into(), value);
+            if given.insert(name.into(), value).is_some() {
+                bail!("--set {name}: it is there twice");
+            }
         }
         (self.make)(&given)
     }

@@ -45,7 +45,7 @@ pub struct PpoConfig {
     pub horizon: usize,
     /// Iterations of the run. Default: 100.
     pub iterations: u64,
-    /// Steps in a minibatch. Default: 2048.
+    /// Steps in a minibatch, at most those of an iteration. Default: 2048, or all.
     pub minibatch: usize,
     /// Passes over an iteration's steps. Default: 5.
     pub epochs: usize,
@@ -168,8 +168,11 @@ impl PpoConfig {
     pub fn from_text(text: &str) -> Result<Self> {
         let wrong = |reason: String| Error::Refused(format!("PPO settings: {reason}"));
         let said = |e: toml::de::Error| wrong(e.to_string().trim().replace('\n', " "));
-        let config: Self = toml::from_str(text).map_err(said)?;
+        let mut config: Self = toml::from_str(text).map_err(said)?;
         let given: toml::Table = toml::from_str(text).map_err(said)?;
+        if !given.contains_key("minibatch") {
+            config.minibatch = config.minibatch.min(config.steps().max(1));
+        }
         config.used(|key| given.contains_key(key)).and_then(|()| config.check()).map_err(wrong)?;
         Ok(config)
     }
@@ -184,19 +187,18 @@ impl PpoConfig {
 
     /// Steps of an iteration.
     pub fn steps(&self) -> usize {
-        self.environments * self.horizon
+        self.environments.saturating_mul(self.horizon)
     }
 
     /// Refuses what no run can be made of, or none that memory bears.
     pub fn check(&self) -> Result<(), String> {
         let [own, usual] = [self, &Self::default()].map(|config| serde_json::json!(config));
         self.used(|key| own[key] != usual[key])?;
-        let steps = self.environments.saturating_mul(self.horizon);
         let whole = |n: usize, most: usize| (n as f64, 1.0..=most as f64);
         let ranges = [
             ("environments", whole(self.environments, 1 << 20)),
             ("horizon", whole(self.horizon, 1 << 16)),
-            ("environments x horizon", whole(steps, 1 << 31)),
+            ("environments x horizon", whole(self.steps(), 1 << 31)),
             ("iterations", (self.iterations as f64, 1.0..=1e9)),
             ("minibatch", whole(self.minibatch, 1 << 31)),
             ("epochs", whole(self.epochs, 1000)),

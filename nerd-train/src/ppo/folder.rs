@@ -118,6 +118,9 @@ fn config(folder: &Path) -> Result<(PathBuf, PolicyConfig)> {
     if !path.exists() && folder.join("policy").exists() {
         refuse!("{0}: a run, whose policy is {0}/policy", folder.display());
     }
+    if folder.join("model.safetensors").exists() {
+        refuse!("{}: a model, not a policy", folder.display());
+    }
     let text = nerd_sim::files::read_text(&path).map_err(Error::file(&path))?;
     let config = serde_json::from_str(&text).map_err(Error::file(&path))?;
     Ok((path, config))

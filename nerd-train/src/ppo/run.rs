@@ -88,13 +88,18 @@ impl PolicyRun {
     /// Iterations until all are done, the reward is reached or time is over; ends with a checkpoint.
     fn iterate(&self, trainer: &mut Trainer, title: &str, identity: &str, started: Instant) -> Result<Spent> {
         let (checkpoint, mut saved) = (self.out.join(LAST), Instant::now());
-        let mut metrics = Record::metrics(&self.out, trainer.state.iteration)?;
+        // What its first step refuses leaves no file.
+        let mut metrics = None;
         let (mut spent, steps) = (Spent::default(), trainer.config.steps());
         let [done, all] = [trainer.state.iteration, trainer.config.iterations].map(|n| n * steps as u64);
         let bar = bar_from(&format!("steps of {title}"), done, all);
         while trainer.state.iteration < trainer.config.iterations {
             let line = trainer.iterate()?;
-            metrics.write(&line)?;
+            match &mut metrics {
+                Some(record) => record,
+                None => metrics.insert(Record::metrics(&self.out, line.step - 1)?),
+            }
+            .write(&line)?;
             spent.add(&line, steps, trainer.engine.spent());
             if let (Some(reward), Some(length)) = (line.reward, line.length) {
                 bar.say(&format!("iteration {}: mean reward {reward:.1} over {length:.0} steps", line.step));

@@ -118,7 +118,7 @@ fn what_has_no_slopes_is_refused_before_a_step() {
         arena.trainer(task, config, 1).map(drop)
     };
     let truth = Arena::Judge(Setting::Implicit(1));
-    let shac = |task: &str| PpoConfig { environments: 1, ..PpoConfig::shac(task).expect("settings") };
+    let shac = |task: &str| PpoConfig { environments: 1, minibatch: 16, ..PpoConfig::shac(task).expect("settings") };
     for (said, words) in [
         (begun("lead-tip", &truth, shac("lead-tip")), "has no slopes: train it by PPO"),
         (begun("cartpole-swingup", &Arena::Truth(Truth::Rapier), shac("cartpole-swingup")), "solver has no slopes"),

@@ -53,16 +53,16 @@ pub struct TrainArgs {
     #[arg(long, value_name = "FILE", conflicts_with = "recipe")]
     pub config: Option<PathBuf>,
     /// Environments, instead of the settings'
-    #[arg(long)]
+    #[arg(long, value_parser = value::<usize>(Whole(1..=1 << 20)))]
     pub envs: Option<usize>,
     /// Steps of an environment in one iteration, instead of the settings'
-    #[arg(long)]
+    #[arg(long, value_parser = value::<usize>(Whole(1..=1 << 16)))]
     pub horizon: Option<usize>,
     /// Iterations of the whole run, instead of the settings'
     #[arg(long, value_parser = value::<u64>(Whole(1..=1_000_000_000)))]
     pub iterations: Option<u64>,
-    /// Steps in a minibatch, instead of the settings'
-    #[arg(long)]
+    /// Steps in a minibatch, instead of the settings', or all of an iteration that --envs or --horizon makes smaller
+    #[arg(long, value_parser = value::<usize>(Whole(1..=1 << 31)))]
     pub minibatch: Option<usize>,
     /// Stop once the mean reward of the last episodes has reached this
     #[arg(long, value_parser = value::<f64>(Number(f64::MIN..=f64::MAX)))]
@@ -116,10 +116,12 @@ fn train(args: TrainArgs) -> Result<()> {
     }
     let mut config =
         if slopes { PpoConfig::shac(&task)? } else { arena.settings(&task, args.recipe.as_deref(), args.config.as_deref())? };
+    let resized = args.envs.or(args.horizon).is_some();
     config.environments = args.envs.unwrap_or(config.environments);
     config.horizon = args.horizon.unwrap_or(config.horizon);
+    let most = if resized { config.steps() } else { usize::MAX };
     config.iterations = args.iterations.unwrap_or(config.iterations);
-    config.minibatch = args.minibatch.unwrap_or(config.minibatch);
+    config.minibatch = args.minibatch.unwrap_or(config.minibatch.min(most));
     let out = args.out.unwrap_or_else(|| format!("out/policies/{}-{}-{seed}", nerd_tasks::word(&task), arena.word()).into());
     let run = PolicyRun { task, arena, config, seed, until, minutes, out };
     say(&run.train()?);

@@ -22,6 +22,7 @@ fn bad_input_gets_one_line_exit_code_2_and_no_file() {
     }
     folder.write("short.csv", "traj,step\n0,0\n");
     folder.write("empty.csv", "");
+    folder.write("mb.toml", "environments = 4\nhorizon = 8\nminibatch = 33\n");
     folder.write("wrong.toml", "robot = \"cartpole\"\nhurry = 1\n");
     let out = folder.path("out");
     let place = |word: &str| match word {

@@ -63,6 +63,7 @@ impl Chart {
         bounds::time(&[frames[0], frames[1], ("4 x --substeps", 4 * self.substeps)])?;
         let card = self.device.is_cuda();
         unused(&[("--environments", !card && self.environments != Self::default().environments)], "without --device cuda")?;
+        unused(&[("--targets", self.targets > 0.0 && system.robot.joint_count() == 0)], "for a robot without joints")?;
         if card && !cfg!(feature = "cuda") {
             bail!("--device cuda needs a build with `--features cuda`");
         }

@@ -10,7 +10,7 @@ use nerd_sim::dataset::GenerateConfig;
 use nerd_sim::instruments::{Hold, Timed};
 use nerd_train::evaluate::{Pieces, summary, summary_names};
 
-use crate::prelude::*;
+use crate::{error::unused, prelude::*};
 
 settings! {
     /// Robots of a family beside models that are told what was drawn of them, or guess it from frames seen.
@@ -206,6 +206,8 @@ impl Family {
 impl Experiment for Family {
     fn about(&self) -> Result<About> {
         let mut inputs = Inputs::default();
+        bounds::once("--set seen", &self.seen.iter().map(ToString::to_string).collect::<Vec<_>>())?;
+        unused(&[("--device", self.device != Device::Cpu && self.models.is_empty())], "without models")?;
         inputs.add(Input::robot(&*self.system()?));
         for folder in &self.models {
             inputs.add(Input::model(folder)?);

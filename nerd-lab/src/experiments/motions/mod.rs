@@ -72,18 +72,20 @@ impl Motions {
         let (settings, finest) = (self.settings(), 4 * self.substeps);
         bounds::memory(&[("--starts", self.starts), ("--frames", self.frames)], 64 * system.robot.state_dim())?;
         bounds::time(&[("--starts", self.starts), ("--frames", self.frames), ("4 x --substeps", finest)])?;
+        // A model of another robot is refused before the reference is made.
+        let solvers = settings.iter().map(|setting| setting.solver(&system)).collect::<Result<Vec<_>, _>>()?;
         let bar = progress::bar("solvers", settings.len() as u64 + 1);
         bar.say(&format!("reference, x{finest}"));
         let recorded = self.record(&system, finest)?;
         let rows = on_one_core(|| {
             let mut rows = Vec::new();
-            for (k, setting) in settings.iter().enumerate() {
-                bar.set(k as u64 + 1);
+            for (setting, solver) in settings.iter().zip(solvers) {
+                bar.add(1);
                 let series = match setting {
                     Setting::Neural(folder) => describe(&ModelConfig::read(folder)?),
                     other => other.series().to_string(),
                 };
-                rows.push(Row::new(&series, Some(setting), recorded.roll_out(setting.solver(&system)?)?, &recorded)?);
+                rows.push(Row::new(&series, Some(setting), recorded.roll_out(solver)?, &recorded)?);
             }
             let floors: [(&str, Box<dyn Solver>); 2] = [("hold last", Box::new(Hold)), ("constant velocity", Box::new(Glide))];
             for (name, floor) in floors {

@@ -6,7 +6,7 @@ use nerd_train::{ppo::Policy, shipped::from_root};
 use rayon::prelude::*;
 
 use super::games::{Compared, depend, games, input_of};
-use crate::prelude::*;
+use crate::{error::unused, prelude::*};
 
 mod fresh;
 mod tables;
@@ -51,6 +51,11 @@ pub use tables::{Row, short, terms};
 
 impl Policies {
     pub fn folders(&self) -> Result<Vec<PathBuf>> {
+        let (usual, bare) = (Self::default(), self.truth_only && self.family.is_none());
+        unused(&[("--device", bare && self.device != usual.device)], "with --truth-only and no --family")?;
+        let seeds = ("--truth-seeds", !self.truth_seeds.is_empty());
+        let rest = [("--task", !self.task.is_empty()), ("--recipe", self.recipe != usual.recipe), ("--runs", self.runs != usual.runs)];
+        unused(&[&rest[..], &[seeds, ("--minutes", self.minutes.is_some())]].concat(), "without --fresh")?;
         if !self.policy.is_empty() {
             return Ok(self.policy.clone());
         }
