@@ -43,7 +43,7 @@ mod urdf;
 enum Verb {
     /// Record random trajectories as safetensors shards
     Dataset(dataset::DatasetArgs),
-    /// Show a data set as a learner will see it
+    /// Show what is known of a robot, and what was derived
     Inspect(inspect::InspectArgs),
     /// Train a model, or continue a run
     Train(Box<train::TrainArgs>),
