@@ -72,12 +72,9 @@ impl Trainer {
         if found != wanted {
             refuse!("{found} environments, the settings ask for {wanted}");
         }
-        let PpoConfig { minibatch, horizon, .. } = config;
-        if minibatch > config.steps() {
-            refuse!(
-                "minibatch is {minibatch}, an iteration has {} steps ({wanted} environments x {horizon}): ask for fewer",
-                config.steps()
-            );
+        let (steps, PpoConfig { minibatch, horizon, .. }) = (config.steps(), &config);
+        if *minibatch > steps {
+            refuse!("minibatch is {minibatch}, an iteration has {steps} steps ({wanted} environments x {horizon}): ask for fewer");
         }
         if config.algorithm == Algorithm::Shac && episodes.task.levels().is_some() {
             refuse!("task `{}` has levels, which PPO alone goes through: take PPO, or a task without levels", episodes.task.name());

@@ -116,10 +116,9 @@ fn train(args: TrainArgs) -> Result<()> {
     }
     let mut config =
         if slopes { PpoConfig::shac(&task)? } else { arena.settings(&task, args.recipe.as_deref(), args.config.as_deref())? };
-    let resized = args.envs.or(args.horizon).is_some();
     config.environments = args.envs.unwrap_or(config.environments);
     config.horizon = args.horizon.unwrap_or(config.horizon);
-    let most = if resized { config.steps() } else { usize::MAX };
+    let most = args.envs.or(args.horizon).map_or(usize::MAX, |_| config.steps());
     config.iterations = args.iterations.unwrap_or(config.iterations);
     config.minibatch = args.minibatch.unwrap_or(config.minibatch.min(most));
     let out = args.out.unwrap_or_else(|| format!("out/policies/{}-{}-{seed}", nerd_tasks::word(&task), arena.word()).into());
