@@ -1,6 +1,6 @@
 //! The kernels of tasks against the tasks themselves, without a device: their text is compiled as C++ and run on the CPU.
 
-use nerd_sim::articulated::device::Reach;
+use nerd_sim::articulated::{along, device::Reach};
 use nerd_sim::rig::LATEST;
 use nerd_sim::vary::{self, VarySpec};
 use nerd_sim::{prelude::*, solver::Fault};
@@ -211,6 +211,17 @@ fn robots_of_a_family_are_the_same_in_kernels() {
         system.spec.vary = Some(spec);
         assert!(is_the_same(&compiler, name, &Arc::new(system)));
     }
+}
+
+/// So it is with a chain with springs, which steps along its tree, under a controller that looks ahead by the matrix.
+#[test]
+fn a_chain_whose_controller_looks_ahead_is_the_same_in_kernels() {
+    let Some(compiler) = Compiler::find() else { return };
+    let mut system = (*named("franka-reach").expect("a task").system().expect("a robot")).clone();
+    system.robot.links.iter_mut().filter_map(|link| link.joint.as_mut()).for_each(|joint| joint.stiffness = 1.0);
+    system.spec.control.as_mut().expect("a controller").ahead = true;
+    assert!(along(&system.robot) && system.held());
+    assert!(is_the_same(&compiler, "franka-reach", &Arc::new(system)));
 }
 
 struct Astray;

@@ -20,7 +20,7 @@ const KERNELS: [&str; 6] = [
 
 /// The text for one robot: the kernel `slopes`.
 pub fn back_program(system: &System, config: &ArticulatedConfig, real: Real, reach: Reach) -> String {
-    functions(system, config, real, reach).0 + &KERNELS.concat()
+    functions(system, config, real, reach, true).0 + &KERNELS.concat()
 }
 
 /// Refuses what has no slopes on a device.

@@ -27,8 +27,8 @@ pub fn episode(system: &System, reach: Reach) -> Result<String, String> {
         return Err(format!("starts stand clear of scene `{}`, which has more colliders than the {colliders} of this one", scene.name));
     }
     let record = apart.map(|scene| record(&scene, system, &config, Reach { own: Own::default(), ..reach })).transpose()?;
-    let mut text = functions(system, &config, Real::F64, reach);
     let control = system.spec.control.as_ref();
+    let mut text = functions(system, &config, Real::F64, reach, false);
     text.define([("MOST_DRAWS", DRAWS)]);
     let flags = [("RELATIVE", control.is_some_and(|c| c.relative)), ("AHEAD", control.is_some_and(|c| c.ahead))];
     let more = [("CLAMPED", control.is_some_and(|c| c.clamp)), ("CONTROLLED", control.is_some()), ("CLEARS", record.is_some())];

@@ -82,7 +82,7 @@ pub fn surfaces(colliders: usize) -> Text {
 
 /// The text for one robot: the kernel `advance`.
 pub fn program(system: &System, config: &ArticulatedConfig, real: Real, reach: Reach) -> String {
-    let mut text = functions(system, config, real, reach);
+    let mut text = functions(system, config, real, reach, true);
     if reach.own.rigged() {
         text.define([("LATEST", LATEST), ("WAVES", WAVES)]);
         reach.own.write(&mut text, system, false);
@@ -90,8 +90,8 @@ pub fn program(system: &System, config: &ArticulatedConfig, real: Real, reach: R
     text.0 + &ALONE.concat()
 }
 
-/// The same without a kernel: what one is made of.
-pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach: Reach) -> Text {
+/// The same without a kernel: what one is made of that steps, or what surrounds steps.
+pub(super) fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach: Reach, steps: bool) -> Text {
     let (robot, mut text) = (&system.robot, Text::default());
     let implicit = config.contact_step == ContactStep::Implicit;
     text.define([("REAL", if real == Real::F64 { "double" } else { "float" })]);
@@ -115,7 +115,9 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
         ("POWERS", POWERS),
     ]);
     let flags = [
-        ("UNROLLED", walks(robot) <= WALKS && !deep(system)),
+        // Once a step, a G1's loops cost little, and twenty seconds less to compile.
+        ("UNROLLED", walks(robot) <= WALKS && !deep(system) && (steps || !whips(system))),
+        ("MATRIX", !steps && system.spec.control.as_ref().is_some_and(|c| c.ahead)),
         ("RK4", config.integrator == Integrator::Rk4),
         ("IMPLICIT", implicit),
         ("RENEW", config.refresh == Refresh::Substep),
@@ -154,7 +156,7 @@ pub(super) fn whips(system: &System) -> bool {
 
 /// Whether they go along the tree: as the CPU's do, but for a robot that is no chain and whose factorisation is short enough to be written out.
 /// A G1's takes a third of the time so.
-pub(super) fn deep(system: &System) -> bool {
+fn deep(system: &System) -> bool {
     whips(system) && (chained(&system.robot) || walks(&system.robot) > WALKS)
 }
 

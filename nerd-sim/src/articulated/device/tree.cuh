@@ -5,7 +5,7 @@
 
 #define LOWER(i, j) ((i) * ((i) + 1) / 2 + (j))
 constexpr int SIZE = NV * (NV + 1) / 2;
-constexpr int KEPT = ALONG && HELD ? 1 : SIZE;   // no matrix where the tree is all that is ever asked
+constexpr int KEPT = ALONG && HELD && !MATRIX ? 1 : SIZE;   // no matrix where the tree is all that is ever asked
 constexpr int HERE = UNROLLED ? SIZE : 1;        // entries that a walk has in registers
 
 struct Tree {
