@@ -1,6 +1,7 @@
 //! Kernels from text.
 
-use std::sync::Mutex;
+use std::collections::HashMap;
+use std::sync::{Arc, LazyLock, Mutex};
 
 use cudarc::nvrtc::{self, CompileOptions, Ptx};
 
@@ -8,19 +9,19 @@ use crate::error::DeviceError;
 
 /// The machine code's text of a source for a compute capability. What this process has compiled before is not compiled again.
 pub(crate) fn compiled(source: &str, capability: (i32, i32)) -> Result<Ptx, DeviceError> {
-    type Cache = Mutex<Vec<((i32, i32), String, Ptx)>>;
-    static CACHE: Cache = Mutex::new(Vec::new());
-    // Held while it compiles, so that threads which want the same wait for it; those that want something else do, too.
-    let mut cache = CACHE.lock().unwrap_or_else(|lost| lost.into_inner());
-    if let Some((.., ptx)) = cache.iter().find(|(of, text, _)| *of == capability && text == source) {
+    type Cache = Mutex<HashMap<((i32, i32), String), Arc<Mutex<Option<Ptx>>>>>;
+    static CACHE: LazyLock<Cache> = LazyLock::new(Cache::default);
+    let entry = CACHE.lock().unwrap_or_else(|lost| lost.into_inner()).entry((capability, source.into())).or_default().clone();
+    // Held while it compiles, so that threads which want the same wait for it.
+    let mut own = entry.lock().unwrap_or_else(|lost| lost.into_inner());
+    if let Some(ptx) = &*own {
         return Ok(ptx.clone());
     }
     let architecture = format!("--gpu-architecture=compute_{}{}", capability.0, capability.1);
     // Lambdas bear no word for where they run: NVRTC 13.0 takes them for the host's, which it refuses, 13.5 does not.
     let options = CompileOptions { options: vec![architecture, "--device-as-default-execution-space".into()], ..Default::default() };
     let ptx = nvrtc::compile_ptx_with_opts(source, options).map_err(|e| DeviceError(refusal(&format!("{e:?}"))))?;
-    cache.push((capability, source.into(), ptx.clone()));
-    Ok(ptx)
+    Ok(own.insert(ptx).clone())
 }
 
 /// Why a source does not compile: its failed assertions, or else the compiler's output.

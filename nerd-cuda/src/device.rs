@@ -81,6 +81,13 @@ impl Device {
         Ok(())
     }
 
+    /// Begins to compile, beside what its thread goes on with, a text that a device like this will soon be opened with. That tells of failures.
+    pub fn foresee(&self, source: &str) -> Result<(), DeviceError> {
+        let (capability, source) = (self.capability()?, source.to_string());
+        std::thread::spawn(move || compiled(&source, capability).is_ok());
+        Ok(())
+    }
+
     /// Its compute capability, major and minor.
     pub fn capability(&self) -> Result<(i32, i32), DeviceError> {
         self.context.compute_capability().map_err(failed("compute capability"))

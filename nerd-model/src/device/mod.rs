@@ -56,7 +56,7 @@ pub fn token_functions(
     Reach { colliders, fields, .. }: Reach,
 ) -> String {
     let robot = &system.robot;
-    let mut text = functions(system, &settings(), real, Reach { colliders, fields, ..Reach::default() });
+    let mut text = functions(system, &settings(), real, Reach { colliders, fields, ..Reach::default() }, false);
     let (inputs, moving) = (Features::inputs(system, form), form.view == View::Moving);
     text.define([("INPUTS", inputs), ("LDX", padded(inputs)), ("LANES", LANES)]);
     text.define([("SITUATED", Features::situated(robot)), ("MOVING", moving)].map(|(name, on)| (name, i32::from(on))));

@@ -91,7 +91,7 @@ pub fn program(system: &System, config: &ArticulatedConfig, real: Real, reach: R
 }
 
 /// The same without a kernel: what one is made of that steps, or what surrounds steps.
-pub(super) fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach: Reach, steps: bool) -> Text {
+pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach: Reach, steps: bool) -> Text {
     let (robot, mut text) = (&system.robot, Text::default());
     let implicit = config.contact_step == ContactStep::Implicit;
     text.define([("REAL", if real == Real::F64 { "double" } else { "float" })]);
