@@ -251,7 +251,7 @@ fn slopes_by_parameters_are_those_of_central_differences() {
                 for (k, by) in by.iter().enumerate() {
                     let found: Vec<f64> =
                         slopes.numbers.chunks_exact(by.len()).map(|row| row.iter().zip(by).map(|(a, b)| a * b).sum()).collect();
-                    let (expected, agrees) = central(3e-4 * (parameters[k].high - parameters[k].low), |size| {
+                    let (expected, agrees) = central(1e-3 * (parameters[k].high - parameters[k].low), |size| {
                         let mut values = values.clone();
                         values[k] += size;
                         let other = subject.with(&parameters, &values).expect("values");
