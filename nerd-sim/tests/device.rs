@@ -2,6 +2,8 @@
 
 mod common;
 mod cpp;
+#[path = "device/driven.rs"]
+mod driven;
 #[path = "device/family.rs"]
 mod family;
 

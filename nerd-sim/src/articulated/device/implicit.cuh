@@ -81,7 +81,7 @@ BIG bool weigh(Work& w, real h) {
         const real weight = w.weight[t.index];
         const real vn = dot(t.normal, t.velocity);
         // Beyond its surface for a part of the substep, if its gap at one end is positive.
-        if (!t.bounded && t.gap + (real)0.5 * h * size(vn) > 0) w.eventful = true;
+        if (t.gap + (real)0.5 * h * size(vn) > 0) w.eventful = true;
         if (vn >= 0 && !t.sticky) t.damping = 0;
         const real normal = most(-(t.stiffness * t.gap + t.damping * vn), 0);
         t.across = drag(normal, norm(t.velocity - t.normal * vn), t.friction_damping, t.friction);
@@ -218,7 +218,7 @@ BIG bool judge(Work& w, real h, real settled) {
         changed = changed || size(across / t.across - 1) > settled;
         t.across = across;
     }
-    // A held one is within its bounds. All are asked before any is written, so that no load waits for another.
+    // A held one is not asked again. All are asked before any is written, so that no load waits for another.
     Drives& d = w.drives;
     unsigned beyond[PULLS / 32 + 1] = {};
     const auto torque = [&](int i) { return d.torque[i] - d.resists[i] * (w.qdd[DOFS + i] * h); };
@@ -227,6 +227,7 @@ BIG bool judge(Work& w, real h, real settled) {
         beyond[i / 32] |= (unsigned)!((d.low[i] <= t) & (t <= d.high[i])) << i % 32;
     });
     for (int k = 0; DRIVEN && k <= DRIVES / 32; k++) {
+        beyond[k] &= ~d.held[k];
         if (!beyond[k]) continue;
         changed = true;
         d.held[k] |= beyond[k];
