@@ -1,9 +1,9 @@
 //! The way back over a frame on a device: a kernel, a thread an environment and a gradient.
 //!
 //! A thread steps the frame and keeps of its substeps where they began, their rates and which touches were idle: `8 NQ + 2 NV sizeof(real)` bytes and a bit
-//! for each touch. From the last to the first it looks again at what touched, and goes back without another solve. Of Runge-Kutta's substeps the stages are found
-//! again. Kept are eight times the substeps of the settings; a frame that its energy asks to be finer than that (`energy.rs`) is a fault of its environment. In
-//! 32 bits and with eight substeps a thread needs `29496` bytes for an Ant and `33848` for an ANYmal.
+//! for each touch and drive. From the last to the first it looks again at what touched, and goes back without another solve. Of Runge-Kutta's substeps the stages are found
+//! again. Kept are eight times the substeps of the settings; a frame that its energy asks to be finer than that (`energy.rs`) is stepped with those that are
+//! kept. In 32 bits and with eight substeps a thread needs `29072` bytes for an Ant and `33648` for an ANYmal.
 
 use super::program::{Reach, Real, functions, whips};
 use crate::articulated::slopes::covered;
