@@ -1,6 +1,6 @@
 //! One GPU: context, two streams, compiled kernels.
 
-use std::{cell::RefCell, collections::HashMap, sync::Arc};
+use std::{cell::RefCell, collections::HashMap, sync::Arc, thread::JoinHandle};
 
 use cudarc::cublas::{CudaBlas, sys as blas};
 use cudarc::driver::{self, CudaContext, CudaEvent, CudaFunction, CudaGraph, CudaStream, sys};
@@ -57,6 +57,15 @@ pub struct Device {
     pub(crate) precision: Precision,
 }
 
+/// A text that compiles; waits for its end when dropped, since no process may end within the compiler.
+pub struct Foreseen(Option<JoinHandle<bool>>);
+
+impl Drop for Foreseen {
+    fn drop(&mut self) {
+        self.0.take().map(JoinHandle::join);
+    }
+}
+
 impl Device {
     /// Opens the first GPU that is seen (`CUDA_VISIBLE_DEVICES` chooses another), and compiles `source`. It cannot multiply matrices yet: [`Device::with_products`].
     pub fn open(source: &str, kernels: &[&'static str]) -> Result<Self, DeviceError> {
@@ -82,10 +91,9 @@ impl Device {
     }
 
     /// Begins to compile, beside what its thread goes on with, a text that a device like this will soon be opened with. That tells of failures.
-    pub fn foresee(&self, source: &str) -> Result<(), DeviceError> {
+    pub fn foresee(&self, source: &str) -> Result<Foreseen, DeviceError> {
         let (capability, source) = (self.capability()?, source.to_string());
-        std::thread::spawn(move || compiled(&source, capability).is_ok());
-        Ok(())
+        Ok(Foreseen(Some(std::thread::spawn(move || compiled(&source, capability).is_ok()))))
     }
 
     /// Its compute capability, major and minor.

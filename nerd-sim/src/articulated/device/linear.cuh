@@ -19,7 +19,7 @@ typedef REAL real;
 FN real least(real a, real b) { return a < b ? a : b; }
 FN real most(real a, real b) { return a > b ? a : b; }
 FN real size(real a) { return a < 0 ? -a : a; }
-// Exact ones branch for numbers at the ends of their range, and after a branch no load has begun early; of 32 bits these miss by two in the last place.
+// Exact ones branch for numbers at the ends of their range, and after a branch no load has begun early; those of 32 bits may miss their last bits.
 #ifdef __CUDACC_RTC__
 FN float inverse_root(float a) { return rsqrtf(a); }
 FN double inverse_root(double a) { return rsqrt(a); }

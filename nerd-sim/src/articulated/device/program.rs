@@ -17,7 +17,7 @@ use crate::prelude::*;
 use crate::system::capsules::{BARREL, Capsule};
 use crate::system::motors::{LATEST, WAVES};
 
-const KERNELS: [&str; 13] = [
+const KERNELS: [&str; 14] = [
     include_str!("linear.cuh"),
     include_str!("surface.cuh"),
     include_str!("walk.cuh"),
@@ -27,6 +27,7 @@ const KERNELS: [&str; 13] = [
     include_str!("along.cuh"),
     include_str!("touch.cuh"),
     include_str!("fold.cuh"),
+    include_str!("press.cuh"),
     include_str!("implicit.cuh"),
     include_str!("explicit.cuh"),
     include_str!("energy.cuh"),
@@ -115,7 +116,7 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
         ("POWERS", POWERS),
     ]);
     let flags = [
-        // Once a step, a G1's loops cost little, and twenty seconds less to compile.
+        // Once a step, loops cost little, and a G1's are compiled in a fraction of the time.
         ("UNROLLED", walks(robot) <= WALKS && !deep(system) && (steps || !whips(system))),
         ("MATRIX", !steps && system.spec.control.as_ref().is_some_and(|c| c.ahead)),
         ("RK4", config.integrator == Integrator::Rk4),
@@ -154,8 +155,8 @@ pub(super) fn whips(system: &System) -> bool {
     along(&system.robot) && system.stand_ins.is_empty() && !system.robot.mimics()
 }
 
-/// Whether they go along the tree: as the CPU's do, but for a robot that is no chain and whose factorisation is short enough to be written out.
-/// A G1's takes a third of the time so.
+/// Whether they go along the tree: as the CPU's do, but for a robot that is no chain and whose factorisation is short enough to be written out, which
+/// is faster for a G1.
 fn deep(system: &System) -> bool {
     whips(system) && (chained(&system.robot) || walks(&system.robot) > WALKS)
 }

@@ -62,7 +62,7 @@ impl World {
         let Some(resident) = solver.resident() else { return Ok(None) };
         let (n, system) = (batch.len(), &batch.system);
         let text = task.kernels(system, Reach::of(batch), back.is_some()).map_err(StepError::Refused)?;
-        beside.foresee(&text).map_err(failed)?;
+        let _foreseen = beside.foresee(&text).map_err(failed)?;
         resident.hold(batch)?;
         if let Some((device, _)) = resident.held() {
             device.join(beside).map_err(failed)?;
