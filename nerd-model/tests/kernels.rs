@@ -11,7 +11,7 @@ use common::{fallen, placed};
 use cpp::{Compiler, bytes, doubles, floats};
 use nerd_model::base::Base;
 use nerd_model::chain::{Chain, ChainSolver, INPUTS, Look, OUTPUTS, chain_program};
-use nerd_model::device::{Products, held_in_f16, padded, program, settings, whole_program};
+use nerd_model::device::{Products, held_in_f16, padded, program, whole_program};
 use nerd_model::form::{Form, View};
 use nerd_model::prelude::*;
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
@@ -46,7 +46,7 @@ fn frame(
     (rows, inputs): (usize, usize),
 ) -> (Vec<f32>, Vec<f64>) {
     let (n, reach) = (batch.len(), Reach::of(batch));
-    let (scenes, of) = records(batch, &settings(), reach).expect("they have kernels");
+    let (scenes, of) = records(batch, reach).expect("they have kernels");
     let [states, torques, scenes] = [&*batch.states, torques, &scenes].map(|numbers| bytes(numbers, f64::to_le_bytes));
     let [scene_of, held] = [of, vec![1]].map(|numbers| bytes(&numbers, i32::to_le_bytes));
     let [tokens, faults, done, taken, memo] = [4 * rows * padded(inputs), 4 * n, 4 * n, 4 * n, 2 * states.len()].map(|size| vec![0; size]);

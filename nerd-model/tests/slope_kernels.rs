@@ -7,7 +7,7 @@ mod cpp;
 
 use common::{fallen, pure, some, worst};
 use cpp::{Compiler, bytes, doubles, floats};
-use nerd_model::device::{padded, settings, slope_program};
+use nerd_model::device::{padded, slope_program};
 use nerd_model::prelude::*;
 use nerd_model::program::cpu::{Loaded, Memory, Pass};
 use nerd_sim::articulated::device::{Reach, record};
@@ -37,7 +37,7 @@ fn kernels_go_back_through_a_frame_as_the_cpu_does() {
         let (torques, by_next) = (some(N * joints, 1.0), some(N * ROWS * 2 * system.robot.nv(), 1.0));
         let text = slope_program(model.config.form(), &model.normalizer, &system, Reach::of(&batch));
         let launches = format!("const int N = {N}, ROWS = {ROWS};\n{LAUNCHES}");
-        let numbers = record(&batch.scenes[0], &system, &settings(), Reach::of(&batch)).expect("a scene with kernels");
+        let numbers = record(&batch.scenes[0], &system, Reach::of(&batch)).expect("a scene with kernels");
         let mut buffers = [&batch.states, &torques, &numbers].map(|numbers| bytes(numbers, f64::to_le_bytes)).to_vec();
         buffers.extend([vec![0; 4 * N], vec![0; 4 * N * d], bytes(&by_next, f64::to_le_bytes), vec![0; 4 * ROWS * N * inputs]]);
         let found = [4 * N * padded(inputs), 4 * ROWS * N * d, 8 * N * d, 8 * by_next.len(), 8 * N * ROWS * joints];

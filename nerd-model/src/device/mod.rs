@@ -27,11 +27,6 @@ pub fn whole_program(program: &Program, tokens: usize, products: Products) -> Op
     if products == Products::F16 { residual::residual(program).filter(|_| tokens == 1) } else { whole::chain(program, tokens) }
 }
 
-/// The settings with which scenes are put in order for a model's kernels.
-pub fn settings() -> ArticulatedConfig {
-    ArticulatedConfig::implicit(1, Friction::Coulomb)
-}
-
 /// The text for models of `system` of a form and with a normaliser, for scenes of this reach.
 pub fn program(form: Form, normalizer: &Normalizer, system: &Arc<System>, real: Real, reach: Reach) -> String {
     token_functions(form, normalizer, system, real, reach) + include_str!("tokens_frame.cuh")
@@ -56,7 +51,8 @@ pub fn token_functions(
     Reach { colliders, fields, .. }: Reach,
 ) -> String {
     let robot = &system.robot;
-    let mut text = functions(system, &settings(), real, Reach { colliders, fields, ..Reach::default() }, false);
+    let mut text =
+        functions(system, &ArticulatedConfig::implicit(1, Friction::Coulomb), real, Reach { colliders, fields, ..Reach::default() }, false);
     let (inputs, moving) = (Features::inputs(system, form), form.view == View::Moving);
     text.define([("INPUTS", inputs), ("LDX", padded(inputs)), ("LANES", LANES)]);
     text.define([("SITUATED", Features::situated(robot)), ("MOVING", moving)].map(|(name, on)| (name, i32::from(on))));

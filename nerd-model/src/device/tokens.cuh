@@ -43,7 +43,6 @@ BIG void tell(const double* state, const double* tau, const double* scene, float
     Work w;
     Tree& t = w.tree;
     take(t, state);
-    t.shift = v3(0, 0, 0);
     M3 r = {{1, 0, 0, 0, 1, 0, 0, 0, 1}};
     V3 o = v3(0, 0, 0);
     if (SITUATED) {

@@ -102,7 +102,6 @@ BIG void tell_back(const double* state, const double* scene, const float* by, do
     Work w;
     Tree& t = w.tree;
     take(t, state);
-    t.shift = v3(0, 0, 0);
     kinematics(t);
     if (MOVING) velocities(t, t.qd);
     survey(w, scene);

@@ -76,16 +76,12 @@ fn robots_of_a_family_move_as_their_solvers_have_them() {
 
 /// A motion without a card, which steps robots of their own.
 #[cfg(feature = "cuda")]
-struct Nowhere(ArticulatedConfig);
+struct Nowhere;
 
 #[cfg(feature = "cuda")]
 impl nerd_sim::articulated::device::Motion for Nowhere {
     fn capabilities(&self) -> Capabilities {
         Capabilities { systems: true, ..Capabilities::default() }
-    }
-
-    fn config(&self) -> &ArticulatedConfig {
-        &self.0
     }
 
     fn open(&mut self, _: &Batch, _: Reach) -> Result<(), StepError> {
@@ -110,11 +106,23 @@ impl nerd_sim::articulated::device::Motion for Nowhere {
 #[test]
 fn motors_of_a_family_are_no_reason_to_refuse_it() {
     let late = VarySpec { delay: Some(Range { low: 1.0, high: 2.0 }), ..VarySpec::default() };
-    let Case { mut batch, torques, config } = family("pendulum", "free", late);
-    let mut solver = nerd_sim::articulated::device::OnDevice::by(Nowhere(config));
+    let Case { mut batch, torques, .. } = family("pendulum", "free", late);
+    let mut solver = nerd_sim::articulated::device::OnDevice::by(Nowhere);
     solver.step(&mut batch, &torques).expect("a family");
     batch.system = batch.systems.swap_remove(0);
     batch.systems.clear();
     let said = solver.step(&mut batch, &torques).expect_err("one late robot").to_string();
     assert!(said.contains("motors of its own"), "{said}");
+}
+
+/// What has no kernels is said before a card is looked for.
+#[cfg(feature = "cuda")]
+#[test]
+fn settings_of_the_reference_are_refused() {
+    let Case { mut batch, torques, config } = sampled("cube", "ground", ArticulatedConfig::accurate(&built_in("cube")));
+    let (huber, explicit) = (ArticulatedConfig { friction: Friction::Huber, ..config }, ArticulatedConfig::explicit(4, Friction::Coulomb));
+    for config in [huber, explicit, ArticulatedConfig { integrator: Integrator::SymplecticEuler, ..config }] {
+        let said = nerd_sim::articulated::device::CudaArticulated::new(config, Real::F64).step(&mut batch, &torques);
+        assert!(said.as_ref().is_err_and(|e| e.to_string().contains("have no kernels")), "{config:?}: {said:?}");
+    }
 }

@@ -60,8 +60,7 @@ fn apart(found: &[f64], expected: &[f64]) -> f64 {
 
 /// Every environment's scene and robot as kernels have them.
 fn recorded(batch: &Batch) -> Vec<f64> {
-    let config = ArticulatedConfig::implicit(1, Friction::Coulomb);
     // Of scenes that are not shared each has a record.
     let scenes = batch.scenes.iter().map(|scene| Arc::new((**scene).clone())).collect();
-    records(&Batch { scenes, ..batch.clone() }, &config, Reach::of(batch)).expect("scenes with kernels").0
+    records(&Batch { scenes, ..batch.clone() }, Reach::of(batch)).expect("scenes with kernels").0
 }

@@ -1,6 +1,7 @@
 //! What is drawn: a chart's settings, and all that they name.
 
 use crate::{choice::describe, error::unused, prelude::*, roll::refusal};
+use nerd_sim::articulated::device::has_kernels;
 use nerd_train::cost::powers;
 
 settings! {
@@ -79,7 +80,9 @@ impl Chart {
         let mut settings = analytic(!scene.colliders.is_empty(), implicit, self.substeps);
         settings.push(truth.into());
         // No other has kernels, or drives.
-        settings.retain(|setting| !card && action == Action::Limp || setting.articulated(&system).is_some());
+        settings.retain(|setting| {
+            !card && action == Action::Limp || setting.articulated(&system).is_some_and(|config| !card || has_kernels(&config).is_ok())
+        });
         let methods = settings.into_iter().chain(models.into_iter().map(Setting::Neural)).map(|setting| Method::new(setting, truth));
         let (mut ready, mut refused) = (Vec::new(), Vec::new());
         for method in methods.collect::<Result<Vec<Method>>>()? {

@@ -57,10 +57,9 @@ impl Stability {
         let gpu = |name: &str, real: Real, config: Settings| {
             methods::articulated(name, config, move |config| -> Box<dyn Solver> { Box::new(CudaArticulated::new(config, real)) })
         };
-        let of: [(&str, Settings); 3] = [
+        let of: [(&str, Settings); 2] = [
             ("accurate", |system, times| ArticulatedConfig::implicit(times * system.spec.substeps, Friction::Coulomb)),
             ("implicit x16", |_, times| ArticulatedConfig::implicit(16 * times, Friction::Coulomb)),
-            ("Euler x64", |_, times| ArticulatedConfig::explicit(64 * times, Friction::Coulomb)),
         ];
         let mut methods = Vec::new();
         for (name, config) in of {

@@ -4,7 +4,6 @@ struct Energy { double lively, high; };   // of motion and in springs; in gravit
 
 BIG Energy energy(Work& w, const double* scene) {
     Tree& t = w.tree;
-    t.shift = v3(0, 0, 0);
     kinematics(t);
     velocities(t, t.qd);
     see(w, scene);

@@ -77,7 +77,6 @@ FN real nearest(const Work& w, int point) {
 // Links and surfaces where a state stands, seen from the root.
 BIG void settle(Work& w, const double* state, const double* scene) {
     take(w.tree, state);
-    w.tree.shift = v3(0, 0, 0);
     kinematics(w.tree);
     survey(w, scene);
 }
@@ -137,7 +136,6 @@ BIG void strewn(Draws& d, double* state, const double* scene) {
 BIG bool stiffened(const double* state, const double* scene, Tree& t) {
     know(t, scene);
     take(t, state);
-    t.shift = v3(0, 0, 0);
     kinematics(t);
     crba(t);
     for (int i = 0; i < NJ; i++) t.mass[LOWER(DOFS + i, DOFS + i)] += FRAME * (KD(scene)[i] + FRAME * KP(scene)[i]);

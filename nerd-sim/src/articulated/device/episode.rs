@@ -26,7 +26,7 @@ pub fn episode(system: &System, reach: Reach) -> Result<String, String> {
     if let Some(scene) = apart.as_ref().filter(|scene| scene.colliders.len() > colliders) {
         return Err(format!("starts stand clear of scene `{}`, which has more colliders than the {colliders} of this one", scene.name));
     }
-    let record = apart.map(|scene| record(&scene, system, &config, Reach { own: Own::default(), ..reach })).transpose()?;
+    let record = apart.map(|scene| record(&scene, system, Reach { own: Own::default(), ..reach })).transpose()?;
     let control = system.spec.control.as_ref();
     let mut text = functions(system, &config, Real::F64, reach, false);
     text.define([("MOST_DRAWS", DRAWS)]);

@@ -1,5 +1,5 @@
-// Explicit substeps: symplectic Euler, and Runge-Kutta where there is nothing to touch, as articulated/explicit.rs; and what is too
-// stiff for them, as articulated/stiff.rs, where the bounds are explained. EASE of points, LEAST of joints, DAMPED of the robot.
+// Explicit substeps where there is nothing to touch, by Runge-Kutta, as articulated/explicit.rs; and what is too stiff for them, as
+// articulated/stiff.rs, where the bounds are explained. LEAST of joints, DAMPED of the robot.
 
 constexpr int STIFF = -2;               // not a fault: the frame wants the implicit step
 
@@ -9,7 +9,6 @@ struct Explicit {
     bool looked;
     int soft;                           // of all limits together: -1 not looked at, 0 no, 1 yes
     real weight[NJ + 1];                // negative: not yet
-    Wrench external[NL];
     real vector[NJ + 1], column[NV];
     Acting acting[NJ + 1], others[NJ + 1];
     double start[NQ];
@@ -45,12 +44,12 @@ BIG real radius(const Tree& t, Explicit& e, const Acting* joints, int n) {
 
 // Whether dampers are too stiff for a substep; looked at once a frame.
 BIG bool dampers(const Tree& t, Explicit& e, real h) {
-    if (e.looked || h * DAMPED(t)[0] <= MOST_EULER) return false;
+    if (e.looked || h * DAMPED(t)[0] <= MOST_DAMPED) return false;
     e.looked = true;
     int n = 0;
     for (int i = 0; i < NJ; i++)
         if (DAMPING(t)[i] > 0) { e.others[n].joint = i; e.others[n++].s = 2 * h * DAMPING(t)[i]; }
-    return radius(t, e, e.others, n) > MOST_EULER;
+    return radius(t, e, e.others, n) > MOST_DAMPED;
 }
 
 // Whether the limits that act are.
@@ -81,14 +80,12 @@ BIG bool limits(const Tree& t, Explicit& e, int n, real h, real bound) {
 }
 
 // w.qdd = M^-1 (tau + limits - damping - bias). 0, a fault, or STIFF.
-BIG int accelerate(Work& w, Explicit& e, const double* tau, bool renew, bool touching, real h, real bound) {
+BIG int accelerate(Work& w, Explicit& e, const double* tau, real h, real bound) {
     Tree& t = w.tree;
-    if (renew) {
-        crba(t);
-        if (!refill(t)) return 1 + t.lost;
-    }
+    crba(t);
+    if (!refill(t)) return 1 + t.lost;
     if (dampers(t, e, h)) return STIFF;
-    bias(t, t.qd, w.gravity, touching ? e.external : 0);
+    bias(t, t.qd, w.gravity, 0);
     for (int k = 0; k < NV; k++) w.qdd[k] = -t.tau[k];
     int n = 0;
     for (int i = 0; i < NJ; i++) {
@@ -101,74 +98,6 @@ BIG int accelerate(Work& w, Explicit& e, const double* tau, bool renew, bool tou
     }
     if (limits(t, e, n, h, bound)) return STIFF;
     solve(t, w.qdd);
-    return 0;
-}
-
-// Contact wrenches on links; 0, LOST or STIFF.
-BIG int touch(Work& w, Explicit& e, real h, double* forces, int substeps) {
-    Tree& t = w.tree;
-    for (int i = 0; i < NL; i++) e.external[i] = wrench(v3(0, 0, 0), v3(0, 0, 0));
-    bool moving = false;
-    for (int point = 0; point < NP; point++) {
-        const int link = POINT_LINK[point];
-        V3 n, nearest;
-        const real gap = meets(t, w.surface[0], point, n, nearest) - RADIUS[point];
-        if (!(gap < 0)) {
-            if (gap != gap) return LOST;
-            continue;
-        }
-        if (!moving) velocities(t, t.qd);
-        moving = true;
-        const real* m = w.surface[0].material;
-        if (h * m[2] * EASE(t)[point] > MOST_DRAG) return STIFF;
-        const V3 x = facing(t, point, n, true) - n * RADIUS[point], v = at(t.velocity[link], x);
-        const real vn = dot(n, v), normal = -(m[0] * gap + m[1] * least(vn, 0));
-        const V3 slip = v - n * vn;
-        const V3 f = n * normal - slip * drag(normal, norm(slip), m[2], m[3]);
-        e.external[link] = e.external[link] + wrench(cross(x, f), f);
-        if (forces) {
-            double* sum = forces + 3 * point;
-            sum[0] += f.x / substeps; sum[1] += f.y / substeps; sum[2] += f.z / substeps;
-        }
-    }
-    return 0;
-}
-
-// The twist about an origin displaced by `by`.
-FN void carry(Tree& t, V3 by) {
-    const V3 moved = cross(v3(t.qd[0], t.qd[1], t.qd[2]), by);
-    t.qd[3] += moved.x; t.qd[4] += moved.y; t.qd[5] += moved.z;
-}
-
-BIG int euler(Work& w, Explicit& e, const double* scene, const double* tau, double* forces, bool touching, int substeps) {
-    Tree& t = w.tree;
-    const real h = (real)(FRAME / substeps);
-    // The origin stays where the root stood.
-    double origin[3] = {0, 0, 0};
-    if (DOFS) for (int k = 0; k < 3; k++) origin[k] = t.q[k];
-    t.shift = v3(0, 0, 0);
-    see(w, scene);
-    for (int substep = 0; substep < substeps; substep++) {
-        if (DOFS) t.shift = v3((real)(t.q[0] - origin[0]), (real)(t.q[1] - origin[1]), (real)(t.q[2] - origin[2]));
-        kinematics(t);
-        int state = touching ? touch(w, e, h, forces, substeps) : 0;
-        if (!state) state = accelerate(w, e, tau, substep == 0 || RENEW, touching, h, MOST_EULER);
-        if (state) return state;
-        for (int k = 0; k < NV; k++) t.qd[k] += w.qdd[k] * h;
-        for (int i = 0; i < NJ; i++) t.q[COORDS + i] += t.qd[DOFS + i] * h;
-        if (DOFS) {
-            const V3 a = v3(t.qd[0], t.qd[1], t.qd[2]), v = v3(t.qd[3], t.qd[4], t.qd[5]) + cross(a, t.shift);
-            t.q[0] += v.x * h; t.q[1] += v.y * h; t.q[2] += v.z * h;
-            const V3 half = a * ((real)0.5 * h);
-            const Q4 r = read4(t.q + 3);
-            double s[4] = {r.x + half.x * r.w + half.y * r.z - half.z * r.y, r.y - half.x * r.z + half.y * r.w + half.z * r.x,
-                           r.z + half.x * r.y - half.y * r.x + half.z * r.w, r.w - half.x * r.x - half.y * r.y - half.z * r.z};
-            const double n = sqrt(s[0] * s[0] + s[1] * s[1] + s[2] * s[2] + s[3] * s[3]);
-            for (int k = 0; k < 4; k++) t.q[3 + k] = s[k] / n;
-        }
-    }
-    // Back to the root.
-    if (DOFS) carry(t, v3((real)(t.q[0] - origin[0]), (real)(t.q[1] - origin[1]), (real)(t.q[2] - origin[2])));
     return 0;
 }
 
@@ -186,7 +115,7 @@ BIG int stages(Work& w, Explicit& e, const double* tau, const double* q, const d
     for (int stage = 0; stage < 4; stage++) {
         stand(t, e, stage, q, qd, h);
         kinematics(t);
-        const int state = accelerate(w, e, tau, true, false, h, bound);
+        const int state = accelerate(w, e, tau, h, bound);
         if (state) return state;
         double* r = e.rates[stage];
         for (int i = 0; i < NJ; i++) r[COORDS + i] = t.qd[DOFS + i];
@@ -214,7 +143,6 @@ template <class K> BIG int runge_kutta(Work& w, Explicit& e, const double* scene
     Tree& t = w.tree;
     const real h = (real)(FRAME / substeps);
     keeper.begin(false, substeps);
-    t.shift = v3(0, 0, 0);
     see(w, scene);
     for (int substep = 0; substep < substeps; substep++) {
         keeper.begins(w, substep);

@@ -1,5 +1,5 @@
-// One frame of one environment. SUBSTEPS, CONTACT_SUBSTEPS, RK4, IMPLICIT, RENEW, HUBER are the solver's settings; WATCHED: no frame may
-// give energy; HELD tells of a joint with dry friction or a spring, or of links that may touch each other.
+// One frame of one environment. SUBSTEPS and CONTACT_SUBSTEPS are the solver's settings; WATCHED: no frame may give
+// energy; HELD tells of a joint with dry friction or a spring, or of links that may touch each other.
 
 // A floating root's velocity (w, v) about the world's origin to (w, p_dot), or back.
 FN void about(const double* p, double* qd, double sign) {
@@ -44,17 +44,15 @@ BIG int attempt(Work& w, const double* state, const double* tau, const double* s
     w.eventful = false;
     w.even = finer > 1;
     w.work = w.effort = 0;
-    if (HELD || DRIVEN || (touching && IMPLICIT)) return implicit(w, scene, forces, CONTACT_SUBSTEPS * finer, keeper);
+    if (HELD || DRIVEN || touching) return implicit(w, scene, forces, CONTACT_SUBSTEPS * finer, keeper);
     for (int k = DOFS; k < NV; k++) w.eventful = w.eventful || size(w.tree.qd[k]) * (real)(FRAME / (SUBSTEPS * finer)) > WHIRL_RK4;
     Explicit e;
     e.looked = false;
     e.soft = -1;
     for (int i = 0; i < NJ; i++) e.weight[i] = -1;
-    const int done = !touching && RK4 ? runge_kutta(w, e, scene, tau, SUBSTEPS * finer, keeper)
-                                      : euler(w, e, scene, tau, forces, touching, (touching ? CONTACT_SUBSTEPS : SUBSTEPS) * finer);
+    const int done = runge_kutta(w, e, scene, tau, SUBSTEPS * finer, keeper);
     if (done != STIFF) return done;
     take(w.tree, state);
-    if (forces) for (int k = 0; k < 3 * NP; k++) forces[k] = 0;
     return implicit(w, scene, forces, MOST_SUBSTEPS * finer, keeper);
 }
 

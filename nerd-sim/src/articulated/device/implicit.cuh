@@ -185,7 +185,6 @@ BIG int implicit(Work& w, const double* scene, double* forces, int substeps, con
     int halved = 0, done = 0;      // how often this substep is; parts of the whole one that are behind
     real shared = 0;               // the length for which dampers are known
     keeper.begin(true, substeps);
-    tr.shift = v3(0, 0, 0);
     for (int k = 0; k < WEIGHTS; k++) w.weight[k] = -1;
     for (int substep = 0; substep < substeps;) {
         const bool first = substep == 0 && done == 0;

@@ -13,14 +13,12 @@ FN M3 sum(const M3& a, const M3& b, real k) {
 struct Drag { real value, by_normal, by_speed, by_damping; };
 
 FN Drag dragged(real normal, real speed, real friction_damping, real friction) {
-    const real slope = HUBER && speed <= 1 ? speed : (real)1;
-    const real length = HUBER ? (speed <= 1 ? (real)0.5 * speed * speed : speed - (real)0.5) : speed;
     Drag d = {drag(most(normal, 0), speed, friction_damping, friction), 0, 0, 0};
-    if (friction_damping * length <= friction * normal) {
+    if (friction_damping * speed <= friction * normal) {
         d.by_damping = 1;
     } else if (normal > 0) {
-        d.by_normal = friction / length;
-        d.by_speed = -d.value * slope / length;
+        d.by_normal = friction / speed;
+        d.by_speed = -d.value / speed;
     }
     return d;
 }

@@ -26,7 +26,7 @@ pub use episode::{RANDOM, episode};
 #[cfg(feature = "cuda")]
 pub use motion::{BLOCK, Motion};
 pub use own::Own;
-pub use program::{Reach, Real, fault, functions, packed, program, record, surfaces};
+pub use program::{Reach, Real, fault, functions, has_kernels, packed, program, record, surfaces};
 pub use records::records;
 #[cfg(feature = "cuda")]
 pub use roll::{OnDevice, Roll};

@@ -23,9 +23,6 @@ pub trait Motion: Send {
         Ok(())
     }
 
-    /// The settings by which scenes are put in order.
-    fn config(&self) -> &ArticulatedConfig;
-
     /// Makes kernels for a batch of this reach, and forgets all that was before.
     fn open(&mut self, batch: &Batch, reach: Reach) -> Result<(), StepError>;
 

@@ -12,7 +12,7 @@ type Changes = fn(&VarySpec) -> bool;
 
 /// Names of tables, and what changes them: first those that a solver reads from its tree, then from [`SOLVERS`] on those that are read where they are,
 /// by what surrounds it.
-const TABLES: [(&str, Changes); 20] = [
+const TABLES: [(&str, Changes); 19] = [
     ("MASS", |v| v.mass.is_some()),
     ("COM", |v| v.com.is_some()),
     ("BODY", |v| v.mass.is_some() || v.inertia.is_some()),
@@ -21,7 +21,6 @@ const TABLES: [(&str, Changes); 20] = [
     ("DRY", |v| v.joint_damping.is_some() || v.dry_friction.is_some()),
     ("LEAST", |v| bodies(v) || v.armature.is_some()),
     ("DAMPED", |v| bodies(v) || v.armature.is_some() || damping(v)),
-    ("EASE", bodies),
     ("FOLD_EASE", bodies),
     ("FOLD_MATERIAL", |v| v.friction.is_some() || v.stiffness.is_some() || v.contact_damping.is_some()),
     ("KP", |v| v.gain.is_some()),
@@ -34,11 +33,11 @@ const TABLES: [(&str, Changes); 20] = [
     ("NOISE", VarySpec::noisy),
     ("LAG", |v| v.lag.is_some()),
 ];
-const SOLVERS: usize = 11;
+const SOLVERS: usize = 10;
 /// Those of motors and what joints' sensors show, of noise, and of lateness.
-const MOTORS: [usize; 5] = [13, 14, 15, 16, 17];
-const NOISE: usize = 18;
-const LAG: usize = 19;
+const MOTORS: [usize; 5] = [12, 13, 14, 15, 16];
+const NOISE: usize = 17;
+const LAG: usize = 18;
 /// Says that robots differ, if in no table.
 const FAMILY: u32 = 1 << 31;
 
@@ -134,7 +133,6 @@ fn tables(system: &System) -> [Vec<f64>; TABLES.len()] {
         joints(|j| j.friction),
         bounds.least,
         vec![bounds.damped],
-        bounds.ease,
         bounds.folds,
         vec![m.stiffness, m.damping, m.friction_damping, m.friction],
         system.joint_specs().map(|j| j.kp).collect(),

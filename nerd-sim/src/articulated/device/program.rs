@@ -9,7 +9,7 @@ use super::super::energy::{FALL, FINEST, LABOUR, ROUGHEST, SHARE, WHIRL, WHIRL_R
 use super::super::fold::FOLLOWED;
 use super::super::implicit::{CALM, HALVINGS};
 use super::super::kick::{LOST as FAR_OFF, OFF, PASSES, SETTLED};
-use super::super::stiff::{MOST, MOST_DRAG, MOST_RK4, POWERS};
+use super::super::stiff::{MOST, MOST_RK4, POWERS};
 use super::super::touch::{CREEP, EVEN};
 use super::own::Own;
 use super::text::{Text, number};
@@ -94,7 +94,6 @@ pub fn program(system: &System, config: &ArticulatedConfig, real: Real, reach: R
 /// The same without a kernel: what one is made of that steps, or what surrounds steps.
 pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach: Reach, steps: bool) -> Text {
     let (robot, mut text) = (&system.robot, Text::default());
-    let implicit = config.contact_step == ContactStep::Implicit;
     text.define([("REAL", if real == Real::F64 { "double" } else { "float" })]);
     text.define([
         ("NL", robot.links.len()),
@@ -119,21 +118,17 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
         // Once a step, loops cost little, and a G1's are compiled in a fraction of the time.
         ("UNROLLED", walks(robot) <= WALKS && !deep(system) && (steps || !whips(system))),
         ("MATRIX", !steps && system.spec.control.as_ref().is_some_and(|c| c.ahead)),
-        ("RK4", config.integrator == Integrator::Rk4),
-        ("IMPLICIT", implicit),
-        ("RENEW", config.refresh == Refresh::Substep),
-        ("HUBER", config.friction == Friction::Huber),
         ("HELD", reach.own.held(system)),
         ("ALONG", deep(system)),
         ("WHIPS", whips(system)),
-        ("WATCHED", implicit && system.stand_ins.is_empty() && system.folds.is_empty()),
+        ("WATCHED", system.stand_ins.is_empty() && system.folds.is_empty()),
         ("DRIVEN", reach.driven),
         ("FIELDS", reach.fields),
         ("RIGGED", reach.own.rigged()),
         ("LOCI", robot.contact_points.iter().any(|p| p.locus != Locus::Fixed)),
     ];
     text.define(flags.map(|(name, on)| (name, i32::from(on))));
-    let constants = [("SETTLED", SETTLED), ("CREEP", CREEP), ("MOST_EULER", MOST), ("MOST_RK4", MOST_RK4), ("MOST_DRAG", MOST_DRAG)];
+    let constants = [("SETTLED", SETTLED), ("CREEP", CREEP), ("MOST_DAMPED", MOST), ("MOST_RK4", MOST_RK4)];
     let more = [("CALM", CALM), ("OFF", OFF), ("FAR_OFF", FAR_OFF), ("STIFFEST", FOLLOWED[0]), ("FOLLOWED", FOLLOWED[1])];
     let energy = [("EVEN", EVEN), ("SHARE", SHARE), ("LABOUR", LABOUR), ("FALL", FALL), ("WHIRL", WHIRL), ("WHIRL_RK4", WHIRL_RK4)];
     let reals = constants.into_iter().chain(more).chain(energy).chain([("BARREL", BARREL)]);
@@ -247,10 +242,8 @@ fn folds(text: &mut Text, system: &System) {
 /// own in a family. Scene and robot are those of an environment.
 ///
 /// # Errors
-/// A shape without a kernel; for explicit steps, anything but one plane.
-pub fn record(scene: &Scene, system: &System, config: &ArticulatedConfig, reach: Reach) -> Result<Vec<f64>, String> {
-    let held = system.held() || reach.driven;
-    let implicit = config.contact_step == ContactStep::Implicit || held;
+/// A shape without a kernel.
+pub fn record(scene: &Scene, system: &System, reach: Reach) -> Result<Vec<f64>, String> {
     let mut numbers = scene.gravity.as_slice().to_vec();
     for (k, body) in scene.colliders.iter().enumerate() {
         let mut own = [0.0; COLLIDER];
@@ -284,12 +277,22 @@ pub fn record(scene: &Scene, system: &System, config: &ArticulatedConfig, reach:
         own[16..].copy_from_slice(&[material.stiffness, material.damping, material.friction_damping, material.friction]);
         numbers.extend(own);
     }
-    if !implicit && (scene.colliders.len() > 1 || scene.colliders.iter().any(|c| c.plane.is_none())) {
-        return Err(format!("scene `{}`: on a device explicit steps know one plane alone; take an implicit preset", scene.name));
-    }
     numbers.resize(3 + COLLIDER * reach.colliders, 0.0);
     numbers.extend(reach.own.numbers(system)?);
     Ok(numbers)
+}
+
+/// Refuses settings without kernels: those of the reference, which are slower than what is more exact.
+///
+/// # Errors
+/// Symplectic Euler, explicit contact and Huber's friction.
+pub fn has_kernels(config: &ArticulatedConfig) -> Result<(), StepError> {
+    match (config.integrator, config.contact_step, config.friction) {
+        (Integrator::Rk4, ContactStep::Implicit, Friction::Coulomb) => Ok(()),
+        _ => Err(StepError::Refused(
+            "symplectic Euler, explicit contact and Huber's friction have no kernels: take ArticulatedConfig::accurate or implicit, or the CPU".into(),
+        )),
+    }
 }
 
 /// What a fault's number means.

@@ -9,7 +9,7 @@ use crate::scene::Field;
 ///
 /// # Errors
 /// As [`record`]; that robots differ in another way than by `[vary]`.
-pub fn records(batch: &Batch, config: &ArticulatedConfig, reach: Reach) -> Result<(Vec<f64>, Vec<i32>), String> {
+pub fn records(batch: &Batch, reach: Reach) -> Result<(Vec<f64>, Vec<i32>), String> {
     let (mut records, mut of, mut last): (Vec<f64>, Vec<i32>, Option<&Arc<Scene>>) = (Vec::new(), Vec::new(), None);
     let (mut count, mut fields): (_, Vec<(Field, Vec<usize>)>) = (0, Vec::new());
     for (env, scene) in batch.scenes.iter().enumerate() {
@@ -27,7 +27,7 @@ pub fn records(batch: &Batch, config: &ArticulatedConfig, reach: Reach) -> Resul
                     None => fields.push((field.clone(), vec![at])),
                 }
             }
-            records.extend(record(scene, own, config, reach)?);
+            records.extend(record(scene, own, reach)?);
             (last, count) = (Some(scene), count + 1);
         }
         of.push(count - 1);

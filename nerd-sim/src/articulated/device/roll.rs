@@ -13,7 +13,7 @@ impl<M: Motion> Resident for OnDevice<M> {
         let torques = vec![0.0; batch.len() * batch.system.robot.joint_count()];
         self.take_all(batch, &torques)?;
         let Some((Made { held, reach, .. }, device)) = self.made.as_mut().zip(self.motion.device()) else { return Ok(()) };
-        take(held, device, batch, self.motion.config(), *reach, (&torques, 0))?;
+        take(held, device, batch, *reach, (&torques, 0))?;
         device.write(&held.faults, &vec![0; held.n]).map_err(failed)?;
         self.motion.follow(&batch.frames).map_err(failed)
     }
@@ -137,7 +137,7 @@ impl<M: Motion> Roll for OnDevice<M> {
         }
         self.prepare(batch)?;
         let Some((Made { held, reach, .. }, device)) = self.made.as_mut().zip(self.motion.device()) else { return Ok(()) };
-        take(held, device, batch, self.motion.config(), *reach, (torques, columns.unwrap_or(joints)))?;
+        take(held, device, batch, *reach, (torques, columns.unwrap_or(joints)))?;
         self.motion.advance(held, &batch.frames, frames, hold).map_err(failed)?;
         let Some(device) = self.motion.device() else { return Ok(()) };
         let done = held.give(device, batch, &mut self.next).map_err(failed)?;
@@ -174,7 +174,7 @@ impl<M: Motion> Solver for OnDevice<M> {
         let Some((Made { held, reach, rows: memory, .. }, device)) = self.made.as_mut().zip(self.motion.device()) else {
             return Ok(Slopes::default());
         };
-        take(held, device, batch, self.motion.config(), *reach, (torques, batch.system.robot.joint_count()))?;
+        take(held, device, batch, *reach, (torques, batch.system.robot.joint_count()))?;
         if !memory.as_ref().is_some_and(|memory| memory.fits(rows)) {
             *memory = Some(Rows::new(device, batch, rows).map_err(failed)?);
         }

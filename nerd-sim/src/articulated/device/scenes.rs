@@ -12,12 +12,11 @@ pub(super) fn take(
     held: &mut Held,
     device: &Device,
     batch: &Batch,
-    config: &ArticulatedConfig,
     reach: Reach,
     (torques, columns): (&[f64], usize),
 ) -> Result<(), StepError> {
     if !(same(&held.scenes, &batch.scenes) && same(&held.systems, &batch.systems)) {
-        know(held, device, batch, config, reach)?;
+        know(held, device, batch, reach)?;
     }
     if held.torques.len < torques.len() {
         held.torques = device.zeros(torques.len()).map_err(failed)?;
@@ -33,9 +32,9 @@ fn same<T>(known: &[Arc<T>], now: &[Arc<T>]) -> bool {
 }
 
 /// Takes over the batch's scenes and what robots in them have of their own.
-fn know(held: &mut Held, device: &Device, batch: &Batch, config: &ArticulatedConfig, reach: Reach) -> Result<(), StepError> {
+fn know(held: &mut Held, device: &Device, batch: &Batch, reach: Reach) -> Result<(), StepError> {
     held.scenes.clear();
-    let (records, of) = records(batch, config, reach).map_err(StepError::Refused)?;
+    let (records, of) = records(batch, reach).map_err(StepError::Refused)?;
     held.records = device.upload(&records).map_err(failed)?;
     device.write(&held.scene_of, &of).map_err(failed)?;
     held.scenes.clone_from(&batch.scenes);

@@ -5,15 +5,15 @@ use nerd_cuda::{Buffer, Device, DeviceError};
 
 use super::back::{back_program, goes_back};
 use super::motion::{BLOCK, Motion};
-use super::program::{Reach, Real, program};
+use super::program::{Reach, Real, has_kernels, program};
 use super::roll::OnDevice;
 use crate::prelude::*;
 use crate::solver::device::{Back, Held, Trail, failed};
 use crate::system::motors::LATEST;
 
-/// [`super::super::Articulated`] on a GPU, one thread an environment: the same frame, the same settings, any robot.
+/// [`super::super::Articulated`] on a GPU, one thread an environment: the same frame, any robot.
 ///
-/// It refuses what it has no kernel for: scenes with other shapes than planes, boxes and pegs, for explicit steps with more than one plane. Of
+/// It refuses what it has no kernel for: settings of the reference ([`has_kernels`]), scenes with other shapes than planes, boxes and pegs. Of
 /// robots that differ by environment (a family, [`crate::vary`]) it steps motors and sensors, too, as [`crate::rig::Rig`] does on the CPU.
 pub type CudaArticulated = OnDevice<Whole>;
 
@@ -50,11 +50,8 @@ impl Motion for Whole {
     }
 
     fn check(&self, _: &Batch) -> Result<(), StepError> {
-        self.config.check().map_err(StepError::Solver)
-    }
-
-    fn config(&self) -> &ArticulatedConfig {
-        &self.config
+        self.config.check().map_err(StepError::Solver)?;
+        has_kernels(&self.config)
     }
 
     fn open(&mut self, batch: &Batch, reach: Reach) -> Result<(), StepError> {

@@ -266,7 +266,6 @@ template <class F> FN void points(Work& w, const F& f) {
 
 // Friction over slip.
 FN real drag(real normal, real speed, real friction_damping, real friction) {
-    const real length = HUBER ? (speed <= 1 ? (real)0.5 * speed * speed : speed - (real)0.5) : speed;
     const real limit = friction * normal;
-    return friction_damping * length <= limit ? friction_damping : limit / length;
+    return friction_damping * speed <= limit ? friction_damping : limit / speed;
 }

@@ -12,7 +12,6 @@ struct Tree {
     double q[NQ];
     real qd[NV];         // local: (w, p_dot) of a floating root
     M3 rotation[NL];
-    V3 shift;            // of the root from the origin
     V3 position[NL];     // from the origin
     Motion axis[NL];
     Motion velocity[NL];
@@ -45,7 +44,7 @@ BIG void kinematics(Tree& t) {
     M3 base;
     if (DOFS) base = matrix(read4(t.q + 3));
     else for (int k = 0; k < 9; k++) base.m[k] = BASE[k];
-    if (DOFS) { t.rotation[0] = base; t.position[0] = t.shift; }
+    if (DOFS) { t.rotation[0] = base; t.position[0] = v3(0, 0, 0); }
     onward<DOFS ? 1 : 0, NL>([&](auto i) {
         const int p = PARENT[i];
         const M3 parent = p < 0 ? base : t.rotation[p];

@@ -2,7 +2,7 @@
 //! a frame.
 
 use nerd_model::chain::{Chain, ChainSolver, OUTPUTS, chain_program, numbers};
-use nerd_model::device::{LANES, program, settings};
+use nerd_model::device::{LANES, program};
 use nerd_sim::articulated::device::{BLOCK, Back, Held, Motion, OnDevice, Reach, Real, Trail, failed};
 
 use super::slopes::{FramesBack, goes_back};
@@ -13,7 +13,6 @@ pub struct Frames {
     model: Model,
     /// Of a chain, with the scales of its outputs.
     chain: Option<(Chain, [f64; OUTPUTS])>,
-    config: ArticulatedConfig,
     real: Real,
     precision: Precision,
     made: Option<Made>,
@@ -46,17 +45,17 @@ pub fn resident(model: Model, system: &Arc<System>, real: Real, precision: Preci
         return Err("what is told of each robot has no kernel: the network alone is on the card".into());
     }
     let refused = |e: LearnError| e.to_string();
-    let (chain, config) = if network.architecture == Architecture::Chain {
+    let chain = if network.architecture == Architecture::Chain {
         // What the CPU's solver refuses.
         ChainSolver::new(&model.weights, &model.normalizer, system).map_err(|e| e.to_string())?;
         let chain = Chain::of(system).map_err(|e| e.to_string())?;
         Plan::of(&network, chain.rods).map_err(refused)?;
-        (Some((chain, ChainSolver::scale(&model.normalizer)?)), ArticulatedConfig::implicit(1, Friction::Coulomb))
+        Some((chain, ChainSolver::scale(&model.normalizer)?))
     } else {
         Plan::stream(&network).map_err(refused)?;
-        (None, settings())
+        None
     };
-    Ok(OnDevice::by(Frames { model, chain, config, real, precision, made: None }))
+    Ok(OnDevice::by(Frames { model, chain, real, precision, made: None }))
 }
 
 impl Motion for Frames {
@@ -70,10 +69,6 @@ impl Motion for Frames {
             Some(env) => Err(StepError::Refused(format!("gravity of environment {env} is not what was learned; step it on the CPU"))),
             None => Ok(()),
         }
-    }
-
-    fn config(&self) -> &ArticulatedConfig {
-        &self.config
     }
 
     fn open(&mut self, batch: &Batch, reach: Reach) -> Result<(), StepError> {

@@ -124,7 +124,7 @@ impl Cable {
 
     /// A scene as numbers.
     pub fn record(&self, system: &System, scene: &Scene, colliders: usize) -> Result<Vec<f64>, String> {
-        record(scene, system, &ArticulatedConfig::implicit(1, Friction::Coulomb), Reach { colliders, ..Reach::default() })
+        record(scene, system, Reach { colliders, ..Reach::default() })
     }
 
     /// A rollout as the host sends it to a device: motion, first frame of the update, whether it begins anew, its view.
