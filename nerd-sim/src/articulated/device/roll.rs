@@ -5,7 +5,7 @@ use nerd_cuda::{Device, DeviceError};
 use super::program::{Reach, fault};
 use super::{motion::Motion, rows::Rows, scenes::take};
 use crate::prelude::*;
-use crate::solver::device::{Back, Held, Resident, Trail, acting, failed};
+use crate::solver::device::{Back, Held, Resident, Trail, failed};
 use crate::solver::{Fault, Slopes, finish, numbers, sound};
 
 impl<M: Motion> Resident for OnDevice<M> {
@@ -13,7 +13,7 @@ impl<M: Motion> Resident for OnDevice<M> {
         let torques = vec![0.0; batch.len() * batch.system.robot.joint_count()];
         self.take_all(batch, &torques)?;
         let Some((Made { held, reach, .. }, device)) = self.made.as_mut().zip(self.motion.device()) else { return Ok(()) };
-        take(held, device, batch, *reach, (&torques, 0))?;
+        take(held, device, batch, *reach, &torques)?;
         device.write(&held.faults, &vec![0; held.n]).map_err(failed)?;
         self.motion.follow(&batch.frames).map_err(failed)
     }
@@ -119,10 +119,7 @@ impl<M: Motion> Roll for OnDevice<M> {
             return Err(StepError::torques(torques.len(), n, joints));
         }
         looked_at(batch, &torques[..width], &mut self.faults)?;
-        let columns = acting(torques, joints);
-        if columns.is_none()
-            && let Some(at) = torques[width..].iter().position(|x| !x.is_finite())
-        {
+        if let Some(at) = torques[width..].iter().position(|x| !x.is_finite()) {
             let (frame, env, x) = (1 + at / width, at % width / joints, torques[width + at]);
             return Err(StepError::Solver(format!("a torque of environment {env} in frame {frame} of the roll is {x}")));
         }
@@ -137,7 +134,7 @@ impl<M: Motion> Roll for OnDevice<M> {
         }
         self.prepare(batch)?;
         let Some((Made { held, reach, .. }, device)) = self.made.as_mut().zip(self.motion.device()) else { return Ok(()) };
-        take(held, device, batch, *reach, (torques, columns.unwrap_or(joints)))?;
+        take(held, device, batch, *reach, torques)?;
         self.motion.advance(held, &batch.frames, frames, hold).map_err(failed)?;
         let Some(device) = self.motion.device() else { return Ok(()) };
         let done = held.give(device, batch, &mut self.next).map_err(failed)?;
@@ -174,7 +171,7 @@ impl<M: Motion> Solver for OnDevice<M> {
         let Some((Made { held, reach, rows: memory, .. }, device)) = self.made.as_mut().zip(self.motion.device()) else {
             return Ok(Slopes::default());
         };
-        take(held, device, batch, *reach, (torques, batch.system.robot.joint_count()))?;
+        take(held, device, batch, *reach, torques)?;
         if !memory.as_ref().is_some_and(|memory| memory.fits(rows)) {
             *memory = Some(Rows::new(device, batch, rows).map_err(failed)?);
         }

@@ -7,14 +7,8 @@ use super::records::records;
 use crate::prelude::*;
 use crate::solver::device::{Held, failed};
 
-/// Takes over a batch and its torques, of which so many columns act.
-pub(super) fn take(
-    held: &mut Held,
-    device: &Device,
-    batch: &Batch,
-    reach: Reach,
-    (torques, columns): (&[f64], usize),
-) -> Result<(), StepError> {
+/// Takes over a batch and its torques.
+pub(super) fn take(held: &mut Held, device: &Device, batch: &Batch, reach: Reach, torques: &[f64]) -> Result<(), StepError> {
     if !(same(&held.scenes, &batch.scenes) && same(&held.systems, &batch.systems)) {
         know(held, device, batch, reach)?;
     }
@@ -23,7 +17,7 @@ pub(super) fn take(
     }
     held.watched = !batch.forces.is_empty();
     device.write(&held.states, &batch.states).map_err(failed)?;
-    held.sender.send(device, &held.torques, torques, columns, batch.system.robot.joint_count()).map_err(failed)?;
+    device.write(&held.torques, torques).map_err(failed)?;
     device.write(&held.drives, &packed(&batch.drives)).map_err(failed)
 }
 

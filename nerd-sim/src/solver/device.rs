@@ -1,14 +1,8 @@
 //! Batches that stay in a GPU's memory.
 
-mod torques;
-
 use nerd_cuda::{Buffer, Device, DeviceError};
 
 use crate::prelude::*;
-
-pub(crate) use torques::acting;
-
-use torques::Sender;
 
 /// An error of the device as one of a step.
 pub fn failed(error: DeviceError) -> StepError {
@@ -87,7 +81,6 @@ pub struct Held {
     pub faults: Buffer<i32>,
     /// Frames that went well.
     pub done: Buffer<u32>,
-    pub(crate) sender: Sender,
     forces: Buffer<f64>,
     pub(crate) watched: bool,
     pub(crate) scenes: Vec<Arc<Scene>>,
@@ -108,7 +101,6 @@ impl Held {
             scene_of: device.zeros(n)?,
             faults: device.zeros(n)?,
             done: device.zeros(n)?,
-            sender: Sender::new()?,
             forces: device.zeros(3 * n * robot.contact_points.len())?,
             watched: false,
             scenes: Vec::new(),
