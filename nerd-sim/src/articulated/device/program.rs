@@ -94,6 +94,7 @@ pub fn program(system: &System, config: &ArticulatedConfig, real: Real, reach: R
 /// The same without a kernel: what one is made of that steps, or what surrounds steps.
 pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach: Reach, steps: bool) -> Text {
     let (robot, mut text) = (&system.robot, Text::default());
+    let ahead = system.spec.control.as_ref().is_some_and(|c| c.ahead);
     text.define([("REAL", if real == Real::F64 { "double" } else { "float" })]);
     text.define([
         ("NL", robot.links.len()),
@@ -115,9 +116,9 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
         ("POWERS", POWERS),
     ]);
     let flags = [
-        // Once a step, loops cost little, and a G1's are compiled in a fraction of the time.
-        ("UNROLLED", walks(robot) <= WALKS && !deep(system) && (steps || !whips(system))),
-        ("MATRIX", !steps && system.spec.control.as_ref().is_some_and(|c| c.ahead)),
+        // What is asked once a step may be loops, which compile in a fraction of the time; a controller that looks ahead is asked in each frame.
+        ("UNROLLED", walks(robot) <= WALKS && !deep(system) && (steps || ahead || !whips(system))),
+        ("MATRIX", !steps && ahead),
         ("HELD", reach.own.held(system)),
         ("ALONG", deep(system)),
         ("WHIPS", whips(system)),
