@@ -159,7 +159,7 @@ impl Task {
 
     /// reset(seed): the first episodes of a seed.
     fn reset(&self, py: Python<'_>, seed: u64) -> PyResult<()> {
-        self.with(py, |all| all.seeded(seed))?.map_err(step)
+        self.with(py, |all| all.seeded(seed))
     }
 
     /// Numbers of the present episodes, int [n], of which the first is 1.
@@ -173,7 +173,7 @@ impl Task {
         let mask = self.mask(mask)?;
         let numbers = crate::arrays::numbers::<u64>("numbers", numbers, &[&[self.n]])?;
         let episodes: Vec<(usize, u64)> = numbers.into_iter().enumerate().filter(|(env, _)| mask[*env]).collect();
-        self.with(py, |all| all.begin_numbered(&episodes))?.map_err(step)
+        self.with(py, |all| all.begin_numbered(&episodes))
     }
 
     /// Names of the tasks that have a robot.

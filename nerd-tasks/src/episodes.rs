@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use crate::snapshot::{MOVED, Past};
 use crate::step::{CHUNK, StepResult, episode, rows, view};
-use crate::{Beginning, Snapshot, Task, Trace, View, Work};
+use crate::{Snapshot, Task, Trace, View, Work};
 
 /// A coordinate beyond this (m, rad, or their rates) is no motion any more: the episode has failed.
 const FAR: f64 = 1e5;
@@ -32,8 +32,6 @@ pub struct Episodes {
     observations: Vec<f64>,
     past: Past,
     trace: Option<Trace>,
-    /// Where they begin in place of the task's starts, by robot; empty: at those.
-    beginnings: Vec<Vec<Beginning>>,
     /// Whether they go up and down in levels.
     climbs: bool,
 }
@@ -63,7 +61,6 @@ impl Episodes {
             observations: vec![0.0; n * task.observation_dim()],
             past: Past::for_lag(&system),
             trace: None,
-            beginnings: Vec::new(),
             climbs: false,
             task,
             simulation,
@@ -138,7 +135,7 @@ impl Episodes {
         let states = self.simulation.batch.states.par_chunks_exact(d).with_min_len(CHUNK);
         failed.par_iter_mut().zip(states).for_each(|(failed, state)| *failed |= state.iter().any(|x| x.abs() > FAR));
         let mut result = StepResult::default();
-        (0..n).filter(|env| failed[*env]).try_for_each(|env| self.restart(env))?;
+        (0..n).filter(|env| failed[*env]).for_each(|env| self.start(env));
         self.judge(&failed, &mut result);
         self.finite("reward", &result.rewards)?;
         self.rise(&result);
@@ -151,7 +148,7 @@ impl Episodes {
         result.reached = self.observations.par_iter().with_min_len(MOVED).copied().collect();
         result.failed = failed;
         let ended = |env: usize| result.terminated[env] || result.truncated[env];
-        (0..n).filter(|env| ended(*env)).try_for_each(|env| self.restart(env))?;
+        (0..n).filter(|env| ended(*env)).for_each(|env| self.start(env));
         self.observe(ended);
         Ok(result)
     }
@@ -168,12 +165,8 @@ impl Episodes {
     /// Goes on where a snapshot of as many environments of the same task was taken.
     ///
     /// # Errors
-    /// If it is not of these sizes, or the solver cannot be stepped through its frames again; of episodes that begin under way.
+    /// If it is not of these sizes, or the solver cannot be stepped through its frames again.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), StepError> {
-        if !self.beginnings.is_empty() {
-            let text = "episodes that begin under way cannot be gone on with, since frames before them are not kept; begin a new run";
-            return Err(StepError::Solver(text.into()));
-        }
         let batch = &mut self.simulation.batch;
         let fits = (batch.states.len(), batch.frames.len(), self.goals.len(), self.begun.len());
         let found = (snapshot.states.len(), snapshot.frames.len(), snapshot.goals.len(), snapshot.begun.len());
@@ -252,7 +245,7 @@ impl Episodes {
                     return Err(StepError::Environments(vec![fault]));
                 }
                 failed[fault.env] = true;
-                self.restart(fault.env)?;
+                self.start(fault.env);
             }
         }
         Ok(())

@@ -16,7 +16,7 @@ pub use error::TaskError;
 pub use file::FileTask;
 pub use lead_tip::LeadTip;
 pub use registry::{general, named, names, parts, word};
-pub use snapshot::{Beginning, Snapshot, Trace};
+pub use snapshot::{Snapshot, Trace};
 pub use step::StepResult;
 pub use task::{About, Slopes, Task, View, Work, fast_start};
 

@@ -1,4 +1,4 @@
-//! What is saved of running episodes so that they continue exactly, on any solver; what is written down of them, and where others may begin.
+//! What is saved of running episodes so that they continue exactly, on any solver, and what is written down of them.
 //!
 //! An analytic solver needs the states only. A learned one's memory is a function of the last frames, so these are saved and
 //! [`Past::replay`] steps the solver through them again.
@@ -40,19 +40,6 @@ pub struct Trace {
     pub torques: Vec<f64>,
     /// States that each step led to, before ended episodes restarted, `[step][env][q, qd]`; not a number where the solver could not go on.
     pub reached: Vec<f64>,
-}
-
-/// An episode under way: where others may begin.
-#[derive(Clone, Debug, Default)]
-pub struct Beginning {
-    /// State `[q, qd]`.
-    pub state: Vec<f64>,
-    /// Goal.
-    pub goal: Vec<f64>,
-    /// Frames that it has had.
-    pub frame: u64,
-    /// What its solver remembers of these ([`nerd_sim::solver::Solver::remembered`]).
-    pub memory: Vec<f64>,
 }
 
 /// The last frames: states before them, torques in them.

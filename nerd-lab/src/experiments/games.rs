@@ -1,7 +1,7 @@
 //! Games of a policy in a truth and in a model, and the gap between their rewards.
 
 use nerd_tasks::named;
-use nerd_train::ppo::{Game, Guess, Policy, play};
+use nerd_train::ppo::{Game, Policy, play};
 
 use crate::prelude::*;
 
@@ -85,7 +85,7 @@ pub fn truth_on(device: Device) -> Result<Arena> {
 
 pub fn input_of(task: &str, arena: &Arena) -> Result<Input> {
     let setting = match arena {
-        Arena::Model { folder, .. } | Arena::Guess(Guess { folder, .. }) => return Input::model(folder),
+        Arena::Model { folder, .. } => return Input::model(folder),
         Arena::Truth(truth) => (*truth).into(),
         Arena::Family(truth, family, _) => return Input::motion(&family.name, &scene(task, &family.name)?, &(*truth).into()),
         Arena::Judge(setting) => setting.clone(),

@@ -62,7 +62,7 @@ impl Act {
     }
 
     /// Back to the start; of a policy, the next episodes.
-    pub(super) fn reset(&mut self, start: &[f64]) -> Result<(), StepError> {
+    pub(super) fn reset(&mut self, start: &[f64]) {
         match self {
             Self::Alone(simulation) => {
                 let width = simulation.batch.system.robot.state_dim();
@@ -70,10 +70,9 @@ impl Act {
             }
             Self::Policy(played) => {
                 let (episodes, running, actor) = &mut **played;
-                (0..episodes.len()).try_for_each(|env| episodes.begin(env))?;
+                (0..episodes.len()).for_each(|env| episodes.begin(env));
                 *running = Running::new(episodes, actor.policy.shape.stack);
             }
         }
-        Ok(())
     }
 }

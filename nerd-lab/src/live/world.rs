@@ -174,7 +174,7 @@ impl World {
     }
 
     fn reset(&mut self) -> Result<()> {
-        self.act.reset(&self.start)?;
+        self.act.reset(&self.start);
         (self.frame, self.hand) = (0, None);
         self.haunt(self.ghost.is_some())
     }

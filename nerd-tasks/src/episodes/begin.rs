@@ -1,24 +1,20 @@
-//! How episodes begin: drawn by seed, environment and number, on the ground of their level, or under way.
+//! How episodes begin: drawn by seed, environment and number, on the ground of their level.
 
 use nerd_sim::{prelude::*, range::within};
-use rand::RngExt;
-use rand_chacha::ChaCha8Rng;
 
 use super::Episodes;
-use crate::Beginning;
 use crate::step::{CHUNK, StepResult, episode};
 
 impl Episodes {
     /// From here on, and at once in all environments, episodes go through their task's levels ([`crate::Task::levels`]), from the lowest: up after one
     /// that lasted and succeeded, down after one that ended before its time.
-    pub fn climb(&mut self) -> Result<(), StepError> {
-        let Some((at, levels)) = self.task.levels() else { return Ok(()) };
+    pub fn climb(&mut self) {
+        let Some((at, levels)) = self.task.levels() else { return };
         let width = self.task.goal_dim();
         self.climbs = true;
         self.goals.chunks_exact_mut(width).for_each(|goal| goal[at] = 1.0 / levels as f64);
-        (0..self.len()).try_for_each(|env| self.restart(env))?;
+        (0..self.len()).for_each(|env| self.start(env));
         self.observe(|_| true);
-        Ok(())
     }
 
     /// Whether they do.
@@ -26,26 +22,9 @@ impl Episodes {
         self.climbs
     }
 
-    /// From here on, and at once in all environments, episodes begin under way, each at one of these drawn: in environment k, counted among
-    /// all, at one of the robot `k mod robots`. What the solver remembers says which robot that is.
-    ///
-    /// # Errors
-    /// If there is none of a robot, or the solver cannot be stepped or cannot remember what it is to.
-    pub fn begin_at(&mut self, beginnings: Vec<Vec<Beginning>>) -> Result<(), StepError> {
-        if beginnings.iter().any(Vec::is_empty) {
-            return Err(StepError::Solver("a robot has no beginning".into()));
-        }
-        // What has never been stepped has no memory to write to.
-        self.simulation.step(&vec![0.0; self.torques.len()])?;
-        self.beginnings = beginnings;
-        (0..self.len()).try_for_each(|env| self.restart(env))?;
-        self.observe(|_| true);
-        Ok(())
-    }
-
     /// Begins the next episode in an environment, whatever its present one came to.
-    pub fn begin(&mut self, env: usize) -> Result<(), StepError> {
-        self.begin_numbered(&[(env, self.begun[env] + 1)])
+    pub fn begin(&mut self, env: usize) {
+        self.begin_numbered(&[(env, self.begun[env] + 1)]);
     }
 
     /// Asks the present episode of an environment for commands of its task by name, such as `ahead=0.5,turn=0`.
@@ -84,45 +63,24 @@ impl Episodes {
     ///
     /// # Panics
     /// If there is no such environment.
-    pub fn begin_numbered(&mut self, episodes: &[(usize, u64)]) -> Result<(), StepError> {
+    pub fn begin_numbered(&mut self, episodes: &[(usize, u64)]) {
         let mut begun = vec![false; self.len()];
         for &(env, number) in episodes {
             (self.begun[env], begun[env]) = (number.saturating_sub(1), true);
-            self.restart(env)?;
+            self.start(env);
         }
         self.observe(|env| begun[env]);
-        Ok(())
     }
 
     /// Begins the first episodes of another seed.
-    pub fn seeded(&mut self, seed: u64) -> Result<(), StepError> {
+    pub fn seeded(&mut self, seed: u64) {
         self.seed = seed;
-        self.begin_numbered(&(0..self.len()).map(|env| (env, 1)).collect::<Vec<_>>())
-    }
-
-    pub(super) fn restart(&mut self, env: usize) -> Result<(), StepError> {
-        if self.beginnings.is_empty() {
-            self.start(env);
-            return Ok(());
-        }
-        let mut rng = self.draw(env);
-        let own = &self.beginnings[(self.first + env) % self.beginnings.len()];
-        let Beginning { state, goal, frame, memory } = &own[rng.random_range(0..own.len())];
-        let width = self.task.goal_dim();
-        self.goals[env * width..(env + 1) * width].copy_from_slice(goal);
-        self.simulation.reset(env, state);
-        self.simulation.batch.frames[env] = *frame;
-        self.simulation.solver.recall(env, memory)
-    }
-
-    /// What the next episode of an environment is drawn from.
-    fn draw(&mut self, env: usize) -> ChaCha8Rng {
-        self.begun[env] += 1;
-        episode(self.seed, self.first + env, self.begun[env])
+        self.begin_numbered(&(0..self.len()).map(|env| (env, 1)).collect::<Vec<_>>());
     }
 
     pub(super) fn start(&mut self, env: usize) {
-        let mut rng = self.draw(env);
+        self.begun[env] += 1;
+        let mut rng = episode(self.seed, self.first + env, self.begun[env]);
         let width = self.task.goal_dim();
         let (goal, climbs) = (&mut self.goals[env * width..(env + 1) * width], self.climbs);
         let level = self.task.levels().filter(|_| climbs).map(|(at, _)| (at, goal[at]));

@@ -58,7 +58,7 @@ impl Side {
 /// Episodes of which some will soon run out of time.
 pub fn under_way(task: &str, arena: &Arena, n: usize) -> Outcome<Episodes> {
     let mut episodes = arena.episodes(task, n, 3)?;
-    episodes.climb()?;
+    episodes.climb();
     let length = episodes.task.episode_length() * episodes.task.frames();
     let mut kept = episodes.snapshot();
     kept.frames.iter_mut().enumerate().filter(|(env, _)| env % 5 == 0).for_each(|(env, f)| *f = length - 1 - (env as u64 % 40));

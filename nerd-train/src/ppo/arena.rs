@@ -4,7 +4,6 @@
 use nerd_sim::articulated::device::Real;
 use nerd_sim::{rig::LATEST, vary};
 
-use super::guess::ROBOTS;
 use super::*;
 use crate::device::Device;
 #[cfg(feature = "cuda")]
@@ -27,8 +26,6 @@ pub enum Arena {
     },
     /// A truth, with robots of a family ([`vary`]) in place of the task's, in each environment another one for good; on a GPU in 32 bits.
     Family(Truth, Arc<System>, Device),
-    /// A model of a family that guesses which robot it steps.
-    Guess(Guess),
     /// An analytic solver that is not a truth. The reference simulator's preset acts on its own robot, `NAME-paper`.
     Judge(Setting),
     /// An analytic solver that keeps its batch on a GPU.
@@ -59,22 +56,11 @@ impl Arena {
         }
     }
 
-    /// A model of a family for a task, on the CPU, that is shown so many frames of its robots in the truth that it learned, as a policy moves them.
-    ///
-    /// # Errors
-    /// As [`Self::family`], or if the folder holds no model.
-    pub fn guess(task: &str, family: &str, folder: PathBuf, by: PathBuf, shown: u64) -> Result<Self> {
-        let truth = ModelConfig::truth_of(&folder)?;
-        let Self::Family(truth, family, _) = Self::family(task, family, truth, Device::Cpu)? else { refuse!("{family} is no family") };
-        Ok(Self::Guess(Guess { folder, device: Device::Cpu, family, truth, shown, by }))
-    }
-
     /// In a word, for a folder's name.
     pub fn word(&self) -> String {
         match self {
             Self::Truth(truth) => format!("{truth:?}").to_lowercase(),
             Self::Family(_, family, device) => family.name.clone() + if device.is_cuda() { "-cuda" } else { "" },
-            Self::Guess(_) => "guessed".into(),
             Self::Model { .. } => "neural".into(),
             Self::Judge(setting) => setting.to_string().replace(' ', "-"),
             #[cfg(feature = "cuda")]
@@ -90,9 +76,6 @@ impl Arena {
             Self::Family(truth, family, device) => {
                 format!("{}{} of {}", truth.name(), if device.is_cuda() { " in 32 bits" } else { "" }, family.name)
             }
-            Self::Guess(Guess { folder, shown, .. }) => {
-                format!("neural {} of {}, {shown} frames seen", folder.display(), ModelConfig::read(folder)?.truth)
-            }
             Self::Model { folder, .. } => format!("neural {} of {}", folder.display(), ModelConfig::read(folder)?.truth),
             Self::Judge(setting) => setting.to_string(),
             #[cfg(feature = "cuda")]
@@ -103,10 +86,10 @@ impl Arena {
 
     /// What it computes, by content: robot, truth or model, whatever their folder is called.
     pub fn identity(&self, system: &System) -> Result<String> {
-        let system = if let Self::Family(_, family, _) | Self::Guess(Guess { family, .. }) = self { family } else { system };
+        let system = if let Self::Family(_, family, _) = self { family } else { system };
         let solver = match self {
             Self::Truth(truth) => truth.name(),
-            Self::Model { folder, .. } | Self::Guess(Guess { folder, .. }) => {
+            Self::Model { folder, .. } => {
                 let ModelConfig { truth, model_sha256, .. } = ModelConfig::read(folder)?;
                 format!("model {} of {truth}", model_sha256.get(..16).unwrap_or("without a hash"))
             }
@@ -117,13 +100,13 @@ impl Arena {
 
     /// Whether a step is dear: where small settings pay.
     pub fn dear(&self) -> bool {
-        matches!(self, Self::Model { device: Device::Cpu, .. } | Self::Guess(Guess { device: Device::Cpu, .. }))
+        matches!(self, Self::Model { device: Device::Cpu, .. })
     }
 
     /// Whether a GPU takes part, on which policies answer and learn, too.
     pub fn on_gpu(&self) -> bool {
         match self {
-            Self::Model { device, .. } | Self::Guess(Guess { device, .. }) | Self::Family(.., device) => device.is_cuda(),
+            Self::Model { device, .. } | Self::Family(.., device) => device.is_cuda(),
             #[cfg(feature = "cuda")]
             Self::Card(_) => true,
             _ => false,
@@ -191,10 +174,6 @@ impl Arena {
                 (crate::device::resident(&Setting::Accurate, &system, Real::F32, Precision::F16)?, LATEST as usize + 1)
             }
             Self::Family(truth, ..) => (truth.solver(&system), LATEST as usize + 1),
-            Self::Guess(guess) => {
-                let real = Self::Family(guess.truth, guess.family.clone(), Device::Cpu).begin(named(task.name())?, ROBOTS, seed)?;
-                return guess.episodes(task, n, seed, real);
-            }
             Self::Model { folder, device } => {
                 let model = Model::load(folder, &system, None)?;
                 let reach = model.config.network.reach();

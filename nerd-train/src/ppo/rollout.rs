@@ -87,11 +87,10 @@ impl Running {
     }
 
     /// Breaks off an environment's episode, which counts for nothing, and begins the next one.
-    pub(super) fn begin(&mut self, episodes: &mut Episodes, env: usize) -> Result<(), StepError> {
-        episodes.begin(env)?;
+    pub(super) fn begin(&mut self, episodes: &mut Episodes, env: usize) {
+        episodes.begin(env);
         (self.rewards[env], self.lengths[env]) = (0.0, 0.0);
         self.stack.begin(|other| other == env, episodes.observations());
-        Ok(())
     }
 
     /// Takes the reward of a step in; the episode, if it is over.

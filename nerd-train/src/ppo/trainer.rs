@@ -79,7 +79,7 @@ impl Trainer {
         if config.algorithm == Algorithm::Shac && episodes.task.levels().is_some() {
             refuse!("task `{}` has levels, which PPO alone goes through: take PPO, or a task without levels", episodes.task.name());
         }
-        episodes.climb()?;
+        episodes.climb();
         let shape = Shape::of(&*episodes.task, &config);
         let mut policy = Policy::new(shape, &mut StreamKey { seed, number: 0 }.rng()).spread_out(config.spread);
         let engine: Box<dyn Engine> = match config.algorithm {

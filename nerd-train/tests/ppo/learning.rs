@@ -1,6 +1,5 @@
 //! Moments and stacks by hand, problems whose answers are known, runs that go on to the bit.
 
-use nerd_model::transformer::Storage;
 use nerd_tasks::{About, ChaCha8Rng, Task, View, Work};
 use rand::RngExt;
 
@@ -236,70 +235,4 @@ fn each_environment_has_a_robot_of_a_family() {
     let batch = rough.episodes("rough@anymal", 1, 0).expect("episodes").simulation.batch;
     let own = &batch.systems[0];
     assert_eq!((own.frame_time, own.spec.substeps, &*batch.scenes[0].name), (0.005, 1, "terrain"));
-}
-
-/// In a model of a family an episode begins where a robot came in the truth, and goes on as a model that was led there does, not as one that
-/// has seen nothing.
-#[test]
-fn a_model_has_seen_the_robot_that_it_steps() {
-    let mut system = (*System::named("cartpole").expect("built in")).clone();
-    system.spec.vary = Some(nerd_sim::vary::VarySpec { mass: Some(Range { low: 0.5, high: 2.0 }), ..Default::default() });
-    let (family, folder) = (Arc::new(system), tempfile::tempdir().expect("a folder"));
-    let form: Form = Base::State.into();
-    let (inputs, outputs) = (Features::inputs(&family, form), Features::outputs(&family));
-    let paper = TransformerConfig::paper(inputs, outputs, 16);
-    let network = TransformerConfig { layers: 2, heads: 2, history: 8, positions: Positions::Rotary, ..paper };
-    let normalizer =
-        Normalizer { inputs: Moments::identity(inputs), outputs: Moments { variance: vec![1e-4; outputs], ..Moments::identity(outputs) } };
-    let model = unlearned(&family, form, network, normalizer);
-    model.save(folder.path(), "", Storage::F32).expect("written");
-    let model = Model::load(folder.path(), &family, None).expect("just written");
-    let by: PathBuf = concat!(env!("CARGO_MANIFEST_DIR"), "/../models/policies/cartpole-swingup-articulated-0").into();
-    let guess = Guess {
-        folder: folder.path().into(),
-        device: Device::Cpu,
-        family: family.clone(),
-        truth: Truth::Articulated,
-        shown: 12,
-        by: by.clone(),
-    };
-    let mut episodes = Arena::Guess(guess.clone()).episodes("cartpole-swingup", 5, 3).expect("episodes");
-    assert_eq!(episodes.simulation.batch.frames, [12; 5]);
-
-    let mut real = Arena::Family(Truth::Articulated, family.clone(), Device::Cpu).episodes("cartpole-swingup", 256, 3).expect("episodes");
-    let actor = Actor::new(nerd_train::ppo::folder::load(&by).expect("a policy").1);
-    let mut running = Running::new(&real, actor.policy.shape.stack);
-    let mut first = None;
-    for round in 0..2 {
-        if round > 0 {
-            (0..256).for_each(|env| real.begin(env).expect("begun"));
-            running = Running::new(&real, actor.policy.shape.stack);
-        }
-        real.trace();
-        (0..12).for_each(|_| drop(running.step(&mut real, &actor.mean(&running.stack.rows), &mut Vec::new()).expect("a step")));
-        let (trace, now) = (real.trace(), real.simulation.batch.clone());
-        first = first.or((0..5).find(|env| now.state(*env) == episodes.simulation.batch.state(*env)).map(|env| (env, trace, now)));
-    }
-    let (env, trace, now) = first.expect("some begin where the robots of their numbers came");
-    let step = |led: bool| {
-        let mut batch = Batch::new(&family, &now.scenes[0], 256);
-        let mut solver = Neural::on_cpu(model.clone());
-        let frames = trace.states.chunks_exact(256 * 4).zip(trace.torques.chunks_exact(2 * 256)).skip(if led { 0 } else { 12 });
-        frames.for_each(|(states, torques)| {
-            batch.states.copy_from_slice(states);
-            solver.step(&mut batch, torques).expect("a frame");
-        });
-        batch.states.copy_from_slice(&now.states);
-        solver.step(&mut batch, &[0.0; 512]).expect("a frame");
-        batch.state(env).to_vec()
-    };
-    let (led, ignorant) = (step(true), step(false));
-    episodes.step(&[0.0; 5]).expect("a step");
-    assert_eq!(episodes.simulation.batch.state(env), led);
-    assert!(led != ignorant, "what was seen says nothing");
-    assert!(episodes.simulation.batch.frames.iter().all(|frame| *frame > 12));
-    let said = episodes.restore(&episodes.snapshot()).expect_err("frames before are not kept").to_string();
-    assert!(said.contains("begin a new run"), "{said}");
-    let refused = Arena::Guess(Guess { shown: 100_000, ..guess }).episodes("cartpole-swingup", 5, 3).map(|_| ());
-    assert!(refused.expect_err("too many frames").to_string().contains("100000 frames shown"));
 }

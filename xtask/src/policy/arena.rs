@@ -2,7 +2,6 @@
 
 use nerd_lab::experiments::games::{learned, truth_on};
 use nerd_train::ppo::Arena;
-use nerd_train::shipped;
 
 use crate::{options::MODELS, prelude::*, solvers::SolverName};
 
@@ -15,15 +14,9 @@ pub struct ArenaArgs {
     #[arg(long)]
     pub model: Option<PathBuf>,
     /// Family of the task's robot, such as `ant-family`, or the path of a URDF whose TOML has `[vary]`: each environment gets one of its
-    /// robots, drawn by the seed. A model of a family (models/FAMILY, or --model) is first shown each robot until its episode begins
+    /// robots, drawn by the seed
     #[arg(long, value_name = "ROBOT")]
     pub family: Option<String>,
-    /// Frames of a robot that a model of a family is shown [default: 60]
-    #[arg(long, value_parser = value::<u64>(Whole(1..=1_000_000)))]
-    pub shown: Option<u64>,
-    /// Folder of the policy that acts in those frames
-    #[arg(long, value_name = "POLICY")]
-    pub shown_by: Option<PathBuf>,
     /// Where `neural` or `articulated` is computed [default: cpu]
     #[arg(long, value_parser = word::<Device>(MODELS))]
     pub device: Option<Device>,
@@ -34,22 +27,12 @@ impl ArenaArgs {
     pub fn of(self, task: &str) -> Result<Arena> {
         let device = self.device.unwrap_or_default();
         unused(&[("--model", self.model.is_some() && self.solver != SolverName::Neural)], "without --solver neural")?;
-        let guessed = self.family.is_some() && self.solver == SolverName::Neural;
-        let shown = [("--shown", self.shown.is_some() && !guessed), ("--shown-by", self.shown_by.is_some() && !guessed)];
-        unused(&shown, "without --solver neural and --family")?;
         if let Some(family) = self.family {
             let truth = match self.solver {
                 SolverName::Articulated => Truth::Articulated,
                 SolverName::Rapier => Truth::Rapier,
                 SolverName::Neural => {
-                    if device != Device::Cpu {
-                        bail!("--device {device}: a model that is shown its robots is on the CPU; leave it out");
-                    }
-                    let folder = self.model.unwrap_or_else(|| shipped::model_of_task(task, &family));
-                    let Some(by) = self.shown_by else {
-                        bail!("--shown-by POLICY is needed: who acts where a model of a family is shown robots")
-                    };
-                    return Ok(Arena::guess(task, &family, folder, by, self.shown.unwrap_or(60))?);
+                    bail!("--family: robots that differ are stepped by `articulated` or `rapier`; leave --solver neural out")
                 }
             };
             return Ok(Arena::family(task, &family, truth, device)?);
