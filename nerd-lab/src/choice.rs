@@ -41,8 +41,7 @@ impl Choice {
             (Self::Neural { folder, .. }, _) => describe(&ModelConfig::read(folder)?),
             (_, Some(setting)) => setting.to_string(),
             (Self::Articulated(config), None) => {
-                let law = if config.friction == Friction::Huber { ", huber friction" } else { "" };
-                format!("articulated x{}{law}", config.contact_substeps)
+                format!("articulated x{}", config.contact_substeps)
             }
             (Self::Setting(_), None) => String::new(),
         })

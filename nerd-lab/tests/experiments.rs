@@ -5,7 +5,7 @@ use std::path::Path;
 use nerd_lab::experiments::calibrated::{CalibratedAll, Calibration, Runs};
 use nerd_lab::experiments::motions::{MotionErrors, Motions, Row as MotionRow};
 use nerd_lab::experiments::passive::{Case, Passive, Protocol, Row, Rows, unworthy};
-use nerd_lab::experiments::{Entry, Experiment, conduct, policies};
+use nerd_lab::experiments::{Experiment, conduct, family::Family, policies};
 use nerd_lab::report::manifest::{Entry as Made, Manifest};
 use nerd_lab::report::{Artifact, Inputs, Table, write_json};
 use nerd_lab::{choice::Choice, experiments::chart::Chart, experiments::games::games};
@@ -14,6 +14,7 @@ use nerd_sim::prelude::*;
 use nerd_tasks::named;
 use nerd_train::evaluate::{Action, PassiveConfig, PassiveReport};
 use nerd_train::ppo::{Arena, Policy, PpoConfig, Shape};
+use nerd_train::settings::Settings;
 
 #[path = "../../nerd-model/tests/common/mod.rs"]
 mod models;
@@ -23,6 +24,16 @@ fn refusal<T>(done: anyhow::Result<T>) -> String {
     let words = done.err().map(|e| e.to_string()).unwrap_or_default();
     assert!(!words.is_empty() && !words.contains('\n'), "`{words}` is not one line");
     words
+}
+
+/// Settings by `NAME=VALUE`.
+fn settings<T: Settings>(set: &[&str]) -> anyhow::Result<T> {
+    let one = |text: &&str| {
+        let (name, value) = text.split_once('=').expect("NAME=VALUE");
+        let key = T::keys().into_iter().find(|key| key.name() == name).expect("a setting");
+        Ok((name.into(), key.values.parse(value).map_err(anyhow::Error::msg)?))
+    };
+    T::default().with(&set.iter().map(one).collect::<anyhow::Result<_>>()?).map_err(anyhow::Error::msg)
 }
 
 /// The truth beside itself, over a few frames.
@@ -170,10 +181,10 @@ fn what_a_run_has_of_its_own_is_told_by_its_first_frames() {
     (settings.before, settings.frames, settings.every, settings.splits) = (300, 60, 60, 2);
     let reason = refusal(settings.measure().map(drop));
     assert!(reason.contains("too few folds"), "{reason}");
-    settings.train = 50;
+    settings.solvers = vec!["rapier".into()];
     let reason = refusal(settings.measure().map(drop));
-    assert!(reason.contains("--solvers and --train"), "{reason}");
-    settings.train = Calibration::default().train;
+    assert!(reason.contains("--solvers says nothing"), "{reason}");
+    settings.solvers = Calibration::default().solvers;
     (settings.splits, settings.every, settings.evaluations, settings.trials) = (3, 30, 400, 60);
     let measured = settings.measure().expect("a calibration");
     let found: Runs = serde_json::from_value(measured.data.into()).expect("its data");
@@ -277,9 +288,8 @@ fn the_truths_own_settings_judge_as_the_truth_does() {
 /// Of a family: who is told errs less than who goes by the files, a model that learned nothing has its rows, and what makes no sense is refused.
 #[test]
 fn a_family_is_compared_by_the_frames_seen() {
-    let settings = |set: &[&str]| Entry::named("family").and_then(|e| e.with(&set.iter().map(|s| s.to_string()).collect::<Vec<_>>()));
     let small = ["robots=6", "frames=12", "seen=0,3,40", "evaluations=300"];
-    let measured = settings(&small).and_then(|family| family.measure()).expect("measured");
+    let measured = settings::<Family>(&small).and_then(|family| family.measure()).expect("measured");
     let table = &measured.tables[0];
     let error = |row: usize, seen: usize| table.rows[row][1 + seen].split(' ').next().and_then(|x| x.parse::<f64>().ok());
     let names: Vec<&str> = table.rows.iter().map(|row| row[0].as_str()).collect();
@@ -291,7 +301,8 @@ fn a_family_is_compared_by_the_frames_seen() {
     assert!(error(3, 0).is_none() && at(3) < at(1), "calibrated {}, described {}", at(3), at(1));
     assert_eq!(measured.figures.len(), 1);
     for (set, why) in [("robot=pendulum", "give its TOML a [vary]"), ("seen=-1", "whole numbers"), ("models=out/nothing", "out/nothing")] {
-        let said = settings(&[set, "robots=2", "frames=2", "seen=1", "evaluations=0"]).and_then(|family| family.measure().map(|_| ()));
+        let said =
+            settings::<Family>(&[set, "robots=2", "frames=2", "seen=1", "evaluations=0"]).and_then(|family| family.measure().map(|_| ()));
         let said = said.expect_err(set).to_string();
         assert!(said.contains(why), "{set}: {said}");
     }
@@ -343,8 +354,7 @@ fn json_has_numbers_where_a_column_holds_nothing_else() {
 #[test]
 fn a_policy_is_played_on_robots_of_a_family() {
     let policy = format!("policy={}/../models/policies/ant-run-articulated-0", env!("CARGO_MANIFEST_DIR"));
-    let settings = |set: &[&str]| Entry::named("policies").and_then(|e| e.with(&set.iter().map(|s| s.to_string()).collect::<Vec<_>>()));
-    let measured = settings(&[&policy, "games=4", "family=ant-family"]).and_then(|e| e.measure()).expect("measured");
+    let measured = settings::<policies::Policies>(&[&policy, "games=4", "family=ant-family"]).and_then(|e| e.measure()).expect("measured");
     let (row, header) = (&measured.tables[0].rows[0], &measured.tables[0].header);
     let cell = |name: &str| header.iter().position(|h| h == name).map_or("", |k| &row[k]);
     assert!(cell("robots") == "articulated accurate of ant-family" && cell("in NeRD") == "-", "{row:?}");
@@ -354,7 +364,7 @@ fn a_policy_is_played_on_robots_of_a_family() {
         [(&["family=pendulum-family"][..], "no family of `ant`"), (&["family=ant-family", "fresh=7"], "policy train --family")]
     {
         let all = [&[&policy[..], "games=2"], set].concat();
-        let said = settings(&all).and_then(|e| e.about().map(|_| ())).expect_err("refused").to_string();
+        let said = settings::<policies::Policies>(&all).and_then(|e| e.about().map(|_| ())).expect_err("refused").to_string();
         assert!(said.contains(why), "{set:?}: {said}");
     }
 }

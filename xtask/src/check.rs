@@ -8,16 +8,6 @@ use anyhow::{Context, Result, bail};
 use nerd_lab::circles;
 use nerd_train::shipped::root;
 
-#[derive(clap::Args, Clone, Debug)]
-pub struct CheckArgs {
-    /// Leave the tests out
-    #[arg(long)]
-    pub quick: bool,
-    /// Circles of imports alone
-    #[arg(long)]
-    pub circles: bool,
-}
-
 /// What is asked of cargo, cheapest first. Clippy and the documentation share what they compile of the dependencies; the CUDA engine
 /// needs no CUDA to be type-checked, and only what knows the feature is checked again. What is outside the workspace is built a
 /// package at a time, each with the features that it alone asks for.
@@ -37,7 +27,7 @@ const STEPS: [(&str, &str); 10] = [
 /// Of one package, whose name comes behind it.
 const OUTSIDE: &str = "clippy --release --locked --manifest-path examples/Cargo.toml --target-dir target -p";
 
-pub fn run(args: CheckArgs) -> Result<()> {
+pub fn run() -> Result<()> {
     let started = Instant::now();
     let lines = circles::of_workspace(&root())?;
     lines.iter().for_each(|line| tell!("{line}"));
@@ -45,7 +35,7 @@ pub fn run(args: CheckArgs) -> Result<()> {
         bail!("circles of imports");
     }
     let mut took: Vec<(&str, Duration)> = vec![("no circle of imports:", started.elapsed())];
-    for (what, line) in STEPS.into_iter().filter(|(what, _)| !(args.circles || args.quick && *what == "tests")) {
+    for (what, line) in STEPS {
         let line = if line == OUTSIDE { format!("{line} {what} -- -D warnings") } else { line.into() };
         tell!("{what}: cargo {line}");
         let started = Instant::now();

@@ -55,7 +55,7 @@ enum Verb {
     Chart(measure::Conduct<Chart>),
     /// Show where each method holds, bends and breaks
     Stability(stability::StabilityArgs),
-    /// Measure what the project's tables and figures show
+    /// Measure a cable's motions, or robots of a family
     Measure(measure::MeasureArgs),
     /// The main job: tables and charts of the shipped models
     Reproduce(reproduce::ReproduceArgs),
@@ -74,7 +74,7 @@ enum Verb {
     /// List robots, scenes, tasks, models, rows
     List(list::ListArgs),
     /// Format, clippy, circles of imports, docs, tests
-    Check(check::CheckArgs),
+    Check,
 }
 
 fn program() -> Command {
@@ -108,7 +108,7 @@ fn run(verb: Verb) -> Result<()> {
         Verb::Urdf(args) => urdf::run(args),
         Verb::Live(args) => live::run(args),
         Verb::List(args) => list::run(args),
-        Verb::Check(args) => check::run(args),
+        Verb::Check => check::run(),
     }
 }
 

@@ -1,10 +1,9 @@
-//! `cargo xtask measure NAME --set KEY=VALUE`: an experiment of the laboratory ([`nerd_lab::experiments::REGISTRY`]).
+//! Experiments of the laboratory as verbs, whose options are their settings; `cargo xtask measure` has two.
 
-use nerd_lab::experiments::{Entry, Experiment, REGISTRY};
-use nerd_lab::report::Table;
+use nerd_lab::experiments::{Experiment, family::Family, motions::Motions};
 use nerd_train::settings::Settings;
 
-use crate::out::{conduct, table, tables};
+use crate::out::{conduct, tables};
 use crate::prelude::*;
 
 #[derive(clap::Args, Clone, Debug)]
@@ -34,27 +33,21 @@ impl<T: Settings + Experiment + Clone + std::fmt::Debug + Send + Sync> Conduct<T
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct MeasureArgs {
-    /// Its name; without one, all are listed with their settings
-    pub name: Option<String>,
-    /// A setting; may be repeated
-    #[arg(long, value_name = "KEY=VALUE")]
-    pub set: Vec<String>,
-    /// Folder to write [default: results]
-    #[arg(long, value_name = "FOLDER")]
-    pub out: Option<PathBuf>,
+    #[command(subcommand)]
+    pub what: What,
+}
+
+#[derive(clap::Subcommand, Clone, Debug)]
+pub enum What {
+    /// Errors of solvers along motions of a data set's kind that none has seen
+    Motions(Conduct<Motions>),
+    /// Robots of a family beside models that are told or guess them, by the frames seen
+    Family(Conduct<Family>),
 }
 
 pub fn run(args: MeasureArgs) -> Result<()> {
-    let Some(name) = &args.name else { return list() };
-    conduct(&*Entry::named(name)?.with(&args.set)?, &args.out.unwrap_or_else(results)).map(drop)
-}
-
-/// The experiments, and what may be set.
-fn list() -> Result<()> {
-    for entry in REGISTRY {
-        say!("{}: {}", entry.name, entry.about);
-        let rows = (entry.keys)().into_iter().map(|key| vec![key.name(), key.help().to_string()]);
-        table(&Table::new(entry.name, &["setting", "what it means"]).with(rows));
+    match args.what {
+        What::Motions(args) => args.run(),
+        What::Family(args) => args.run(),
     }
-    Ok(())
 }

@@ -10,7 +10,7 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 pub use nerd_train::bounds::{FRAMES, SEEDS, STARTS, SUBSTEPS, TRANSITIONS};
-pub use nerd_train::settings::Values::{Number, Positive, Whole};
+pub use nerd_train::settings::Values::{Positive, Whole};
 
 pub const DEVICES: &[&str] = &["cpu", "cuda"];
 /// And of a model: on the second its products are in f16 where one kernel computes its network, on the third nowhere.

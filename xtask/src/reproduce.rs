@@ -1,12 +1,11 @@
 //! `cargo xtask reproduce`: the main job. Rolls the shipped models out against the truths they learned (Cartpole 1000
 //! frames, double pendulum 100 frames on its seven grounds), prints the table beside the paper's, draws speed against
-//! accuracy. Minutes on two cores. `--train` first trains small models from nothing on the CPU.
+//! accuracy. Minutes on two cores.
 //!
 //! Results go to `out/reproduce`; `--out results` replaces the committed ones.
 
 use nerd_lab::experiments::passive::{Case, Passive, Protocol, Rows};
 use nerd_lab::{experiments::chart::Chart, report::Artifact};
-use nerd_train::run::{Run, RunConfig};
 use nerd_train::shipped;
 
 use crate::options::{DEVICES, SEEDS, STARTS};
@@ -15,17 +14,11 @@ use crate::{out::conduct, prelude::*};
 /// Charts of it, robot and scene.
 const CHARTS: [(&str, &str); 3] = [("cartpole", "free"), ("pendulum", "free"), ("pendulum", "ground1")];
 
-/// Those whose data and network are a matter of minutes on a CPU.
-const QUICK: [&str; 2] = ["cartpole", "pendulum"];
-
-/// Default folder of results, and of models trained on the spot.
+/// Default folder of results.
 const OWN: &str = "out/reproduce";
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct ReproduceArgs {
-    /// Train small models from nothing instead of taking the shipped ones
-    #[arg(long)]
-    pub train: bool,
     /// Trajectories by scene (the paper: 2048)
     #[arg(long, default_value_t = 256, value_parser = value::<usize>(Whole(STARTS)))]
     pub starts: usize,
@@ -47,10 +40,7 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
     let out = args.out.clone().unwrap_or_else(|| shipped::root().join(OWN));
     let mut asked = Protocol::default();
     (asked.starts, asked.seed) = (args.starts, args.seed);
-    let cases: Vec<Case> = match args.train {
-        true => QUICK.into_iter().map(|robot| small(robot, args.device, &asked)).collect::<Result<_>>()?,
-        false => Case::shipped(&asked, args.device)?,
-    };
+    let cases = Case::shipped(&asked, args.device)?;
     let before = Artifact::read(&shipped::results(), "passive").and_then(|found| found.parse::<Rows>());
     let rows: Rows = conduct(&Passive::new("passive", &cases)?, &out)?.parse()?;
     if let Some(agreement) = before.ok().and_then(|before| rows.agreement(&before)) {
@@ -66,15 +56,4 @@ pub fn run(args: ReproduceArgs) -> Result<()> {
         conduct(&chart, &out)?;
     }
     Ok(())
-}
-
-/// A small model trained here and now, unless an earlier call has.
-fn small(robot: &str, device: Device, asked: &Protocol) -> Result<Case> {
-    let out = shipped::root().join(OWN).join(robot);
-    tell!("training a small model of {robot} in {}", out.display());
-    let mut run = RunConfig::recipe("quick", robot, out)?;
-    run.device = device;
-    Run::new(&run)?.train()?;
-    let solver = Choice::Neural { folder: run.out.join("model"), truth: None, device };
-    Ok(Case { robot: robot.into(), solver, truth: None, asked: asked.clone() })
 }

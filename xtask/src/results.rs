@@ -24,9 +24,6 @@ pub enum Part {
     Make {
         /// Which [default: all that do not hold, but for records]
         names: Vec<String>,
-        /// All, but for records
-        #[arg(long, conflicts_with = "names")]
-        all: bool,
     },
     /// Write the figures of the results into README and docs
     Write,
@@ -38,7 +35,7 @@ pub fn run(args: ResultsArgs, reference: String) -> Result<()> {
     match args.part {
         None => list(&manifest),
         Some(Part::Check) => check(&manifest, &reference),
-        Some(Part::Make { names, all }) => make(&manifest, &names, all),
+        Some(Part::Make { names }) => make(&manifest, &names),
         Some(Part::Write) => {
             fill(&reference, true)?.iter().for_each(|words| tell!("{words}"));
             Ok(())
@@ -106,13 +103,13 @@ fn fill(reference: &str, write_them: bool) -> Result<Vec<String>> {
     Ok(wrong)
 }
 
-fn make(manifest: &Manifest, names: &[String], all: bool) -> Result<()> {
+fn make(manifest: &Manifest, names: &[String]) -> Result<()> {
     if let Some(unknown) = names.iter().find(|name| manifest.artefact.iter().all(|entry| entry.name != **name)) {
         bail!("no result `{unknown}` in results/manifest.toml; `cargo xtask results` lists them");
     }
     let mut commands: Vec<&str> = Vec::new();
     for entry in manifest.artefact.iter().filter(|entry| names.is_empty() || names.contains(&entry.name)) {
-        let asked = names.contains(&entry.name) || (!entry.record && (all || entry.status(&results()) != Status::Current));
+        let asked = names.contains(&entry.name) || (!entry.record && entry.status(&results()) != Status::Current);
         // One command may make several.
         if asked && !commands.contains(&entry.command.as_str()) {
             commands.push(&entry.command);

@@ -1,5 +1,5 @@
-//! `cargo xtask rollout --robot pendulum --scene ground3 --solver articulated --preset paper --friction coulomb
-//! --states FILE.csv --frames 100 --out OUT.csv`. [`TABLES`] describes the files.
+//! `cargo xtask rollout --robot pendulum --scene ground3 --preset converged --states FILE.csv --frames 100 --out OUT.csv`. [`TABLES`] describes
+//! the files.
 
 use nerd_sim::rollout::States;
 use nerd_train::bounds::{memory, time};

@@ -16,9 +16,6 @@ pub struct SolverArgs {
     /// `converged` (as accurate as can be) [default: that of the robot's own truth]
     #[arg(long, value_parser = ["accurate", "paper", "converged"])]
     pub preset: Option<String>,
-    /// Friction law of `articulated`: `coulomb` (Warp 1.5.1) or `huber` (Warp 1.8) [default: coulomb]
-    #[arg(long, value_parser = word::<Friction>(&["coulomb", "huber"]))]
-    pub friction: Option<Friction>,
     /// Substeps per frame, instead of the preset's; with `--preset converged` of the implicit step (of RK4 where there is
     /// nothing to touch), of `rapier` its iterations
     #[arg(long, value_parser = value::<usize>(Whole(SUBSTEPS)))]
@@ -49,8 +46,7 @@ impl SolverArgs {
     /// The solver that the options name; refuses one that means nothing beside the others.
     pub fn choose(&self, system: &System) -> Result<Choice> {
         let (model, device) = (("--model", self.model.is_some()), ("--device", self.device.is_some()));
-        let (preset, friction) = (("--preset", self.preset.is_some()), ("--friction", self.friction.is_some()));
-        let substeps = ("--substeps", self.substeps.is_some());
+        let (preset, substeps) = (("--preset", self.preset.is_some()), ("--substeps", self.substeps.is_some()));
         if let Some(truth) = self.truth {
             truth.check(&system.robot, system.spec.self_collision).map_err(|e| anyhow!("--truth: {e}"))?;
         }
@@ -60,15 +56,14 @@ impl SolverArgs {
         }
         Ok(match solver {
             SolverName::Articulated => {
-                let law = self.friction.unwrap_or(Friction::Coulomb);
                 let own = if system.spec.truth == Truth::Paper { "paper" } else { "accurate" };
                 if self.preset.as_deref() == Some("paper") {
                     Truth::Paper.check(&system.robot, system.spec.self_collision).map_err(|e| anyhow!("--preset paper: {e}"))?;
                 }
                 let mut config = match self.preset.as_deref().unwrap_or(own) {
-                    "accurate" => ArticulatedConfig { friction: law, ..ArticulatedConfig::accurate(system) },
-                    "paper" => ArticulatedConfig::paper(system, law),
-                    _ => ArticulatedConfig::converged(law),
+                    "accurate" => ArticulatedConfig::accurate(system),
+                    "paper" => ArticulatedConfig::paper(system, Friction::Coulomb),
+                    _ => ArticulatedConfig::converged(Friction::Coulomb),
                 };
                 if let Some(n) = self.substeps {
                     (config.substeps, config.contact_substeps) = (n, n);
@@ -76,11 +71,11 @@ impl SolverArgs {
                 Choice::Articulated(config)
             }
             SolverName::Rapier => {
-                unused(&[preset, friction], "with --solver rapier: it sets `articulated`")?;
+                unused(&[preset], "with --solver rapier: it sets `articulated`")?;
                 Choice::Setting(self.substeps.map_or(Setting::RapierSteps(RapierConfig::default().steps), Setting::Rapier))
             }
             SolverName::Neural => {
-                unused(&[substeps, preset, friction], "with --solver neural; --truth says what its model must have learned")?;
+                unused(&[substeps, preset], "with --solver neural; --truth says what its model must have learned")?;
                 let shipped = || shipped::model(self.truth.unwrap_or(system.spec.truth), &system.name);
                 let folder = self.model.clone().unwrap_or_else(shipped);
                 if self.model.is_none() && !folder.exists() {

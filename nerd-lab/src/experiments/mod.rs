@@ -1,5 +1,5 @@
 //! What is measured of solvers, models and policies. An experiment is its settings; [`conduct`] measures it and writes
-//! `NAME/result.json`, `NAME/README.md` and its pictures. [`REGISTRY`] knows those that `cargo xtask measure` makes.
+//! `NAME/result.json`, `NAME/README.md` and its pictures.
 
 pub mod calibrated;
 #[cfg(feature = "cuda")]
@@ -11,15 +11,12 @@ pub mod games;
 pub mod motions;
 pub mod passive;
 pub mod policies;
-pub mod registry;
 pub mod stability;
 
 use serde_json::{Map, Value};
 
 use crate::report::artifact::{Artifact, may_write};
 use crate::{prelude::*, report::Provenance};
-
-pub use registry::{Entry, REGISTRY};
 
 /// What a result is called, measured from and worth.
 #[derive(Clone, Debug, Default)]

@@ -103,9 +103,6 @@ impl Panel {
     {
         let mut builder = ChartBuilder::on(area);
         builder.margin(10).x_label_area_size(38).y_label_area_size(64);
-        if !self.title.is_empty() {
-            builder.caption(&self.title, ("sans-serif", 14));
-        }
         let mut chart = builder.build_cartesian_2d(across, up)?;
         let (tick_x, tick_y) = (|v: &f64| self.x.tick(*v), |v: &f64| self.y.tick(*v));
         let mut mesh = chart.configure_mesh();

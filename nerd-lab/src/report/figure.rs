@@ -11,7 +11,6 @@ pub struct Figure {
 
 #[derive(Clone, Debug, Default)]
 pub struct Panel {
-    pub title: String,
     pub x: Axis,
     pub y: Axis,
     /// In the order in which they are drawn, the first below the others.
@@ -82,7 +81,7 @@ impl Figure {
         let steps = front.windows(2).flat_map(|w| [w[0], (w[1].0, w[0].1)]).chain(front.last().copied());
         series.insert(0, Series::new("", Style::Line, steps));
         let [x, y] = axes.map(Axis::log);
-        Self::single(title, Panel { x, y, series, levels, ..Panel::default() })
+        Self::single(title, Panel { x, y, series, levels })
     }
 
     /// Names of series, for the legend.

@@ -1,8 +1,8 @@
 //! Figures in documents: each is between marks that name its result, and a command fills it in.
 //!
 //! ```text
-//! <!--= ant-2048 /rows/0/report/error pair -->0.0145 / 0.0226<!--/-->     a number, or several
-//! <!-- table passive summary -->                                           a table of a result
+//! <!--= ant-2048 /rows/0/report/error/0 -->0.0145<!--/-->     a number
+//! <!-- table passive summary -->                              a table of a result
 //! | robot | ..
 //! <!-- /table -->
 //! ```
@@ -11,7 +11,7 @@ use serde_json::Value;
 
 use super::{artifact::Artifact, below};
 use crate::prelude::*;
-use nerd_train::words::{digits, pair};
+use nerd_train::words::digits;
 
 use crate::error;
 
@@ -46,16 +46,11 @@ impl Marks {
     }
 
     fn figure(&mut self, mark: &str) -> Result<String> {
-        let words: Vec<&str> = mark.split_whitespace().collect();
-        let (name, pointer, format) = match words[..] {
-            [name, pointer] => (name, pointer, "digits"),
-            [name, pointer, format] => (name, pointer, format),
-            _ => bail!("`{mark}`: a result, a JSON pointer and perhaps a format are needed"),
-        };
-        let Some(value) = self.result(name)?.1.pointer(pointer) else { bail!("`{mark}`: results/{name}/result.json has no {pointer}") };
-        match show(value, format) {
-            Some(text) => Ok(text),
-            None => bail!("`{mark}`: {value} cannot be shown as `{format}`"),
+        let Some((name, pointer)) = mark.split_once(' ') else { bail!("`{mark}`: a result and a JSON pointer are needed") };
+        match self.result(name)?.1.pointer(pointer).map(Value::as_f64) {
+            Some(Some(x)) => Ok(digits(x)),
+            Some(None) => bail!("`{mark}`: no number is there"),
+            None => bail!("`{mark}`: results/{name}/result.json has no {pointer}"),
         }
     }
 
@@ -71,23 +66,6 @@ impl Marks {
             }
         }
     }
-}
-
-/// A value in words.
-fn show(value: &Value, format: &str) -> Option<String> {
-    let numbers = |value: &Value| -> Option<Vec<f64>> {
-        match value {
-            Value::Array(all) => all.iter().map(Value::as_f64).collect(),
-            one => one.as_f64().map(|x| vec![x]),
-        }
-    };
-    Some(match format {
-        "digits" => digits(value.as_f64()?),
-        "pair" => pair(&numbers(value)?),
-        "percent" => format!("{:.1}", 100.0 * value.as_f64()?),
-        "raw" => value.as_str().map_or_else(|| value.to_string(), String::from),
-        _ => return None,
-    })
 }
 
 /// A text in which what stands between `open MARK -->` and `close` is what `fill` says of the mark.

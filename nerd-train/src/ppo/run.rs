@@ -25,8 +25,6 @@ pub struct PolicyRun {
     pub config: PpoConfig,
     /// Seed of weights, noise and starts.
     pub seed: u64,
-    /// Stops once the mean reward of the last episodes has reached this.
-    pub until: Option<f64>,
     /// Stops, with a checkpoint, after so many minutes.
     pub minutes: Option<f64>,
     /// Folder of the run.
@@ -85,7 +83,7 @@ impl PolicyRun {
         Ok(done)
     }
 
-    /// Iterations until all are done, the reward is reached or time is over; ends with a checkpoint.
+    /// Iterations until all are done or time is over; ends with a checkpoint.
     fn iterate(&self, trainer: &mut Trainer, title: &str, identity: &str, started: Instant) -> Result<Spent> {
         let (checkpoint, mut saved) = (self.out.join(LAST), Instant::now());
         // What its first step refuses leaves no file.
@@ -105,9 +103,7 @@ impl PolicyRun {
                 bar.say(&format!("iteration {}: mean reward {reward:.1} over {length:.0} steps", line.step));
             }
             bar.set(line.frames);
-            let reached = self.until.zip(line.reward).is_some_and(|(wanted, reward)| reward >= wanted && trainer.state.best.is_some());
-            let late = self.minutes.is_some_and(|m| started.elapsed().as_secs_f64() > 60.0 * m);
-            if reached || late {
+            if self.minutes.is_some_and(|m| started.elapsed().as_secs_f64() > 60.0 * m) {
                 break;
             }
             if saved.elapsed() > SAVE {

@@ -168,7 +168,6 @@ impl RunConfig {
             (self.device == Device::CudaF32, "--device cuda-f32 is for models that are used; train with --device cuda --f32"),
             (self.f32 && self.device != Device::Cuda, "--f32 means nothing without --device cuda"),
             (residual && self.head_width != usual.head_width, "--head-width means nothing with --history 1, which has no attention"),
-            (residual && self.block != usual.block, "--block means nothing with --history 1, which has no places"),
         ];
         match wrong.iter().find(|(wrong, _)| *wrong) {
             Some((_, why)) => refuse!("{why}"),
@@ -191,7 +190,7 @@ impl RunConfig {
                 1 if !self.stream => {
                     TransformerConfig { layers, heads: 1, history, block: 1, head: 1, architecture: Architecture::Residual, ..paper }
                 }
-                _ => TransformerConfig { layers, heads, history, block: self.block.max(history), ..paper },
+                _ => TransformerConfig { layers, heads, history, block: paper.block.max(history), ..paper },
             }
         };
         if self.stream {
@@ -225,10 +224,9 @@ impl RunConfig {
     /// Length of the run, its learning rate, and how often it does what.
     pub fn trainer(&self) -> TrainerConfig {
         let Self { updates, rate, last_rate, warmup, validation_windows, log_every, .. } = *self;
-        let tail = (self.tail * updates as f64) as u64;
         TrainerConfig {
             updates,
-            schedule: Schedule { start: rate, end: last_rate, warmup, tail },
+            schedule: Schedule { start: rate, end: last_rate, warmup },
             validate_every: self.validate_every.unwrap_or(updates.div_ceil(50)),
             checkpoint_every: updates.div_ceil(10),
             validation_windows,

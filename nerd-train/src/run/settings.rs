@@ -30,8 +30,6 @@ settings! {
         head_width: usize = 16, Whole(EMBEDDING);
         /// Tokens of a window: frames that a token sees, itself included; 1 without --stream: a residual network, no attention
         history: usize = 10, Whole(1..=1024);
-        /// Places in the table of positions, of which `history` are used (without --stream)
-        block: usize = 32, Whole(1..=8192);
         /// Rotary positions: rollouts evaluate one token per frame instead of a window
         stream: bool = false, Flag;
         /// Tokens of a training sequence with --stream [default: as many as a prediction of a rollout depends on, 55 with six
@@ -57,8 +55,6 @@ settings! {
         rate: f64 = 1e-3, Positive;
         /// Learning rate the linear decay ends at
         last_rate: f64 = 1e-4, Number(0.0..=10.0);
-        /// Share of the run, at its end, over which the rate decays to zero (the paper: 0)
-        tail: f64 = 0.0, Number(0.0..=1.0);
         /// Updates over which the rate rises from zero (the paper: 0)
         warmup: u64 = 0, Whole(0..=*UPDATES.end());
         /// What updates the hidden matrices: adam (the paper) or muon

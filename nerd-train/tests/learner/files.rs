@@ -26,16 +26,14 @@ fn a_reopened_record_drops_what_will_be_written_again() {
 #[test]
 fn schedule_values() {
     let close = |a: f64, b: f64| assert!((a - b).abs() < 1e-12, "{a} instead of {b}");
-    let paper = Schedule { start: 1e-3, end: 1e-4, warmup: 0, tail: 0 };
+    let paper = Schedule { start: 1e-3, end: 1e-4, warmup: 0 };
     close(paper.rate(0, 1000), 1e-3);
     close(paper.rate(500, 1000), 5.5e-4);
     close(paper.rate(999, 1000), 1.009e-4);
-    let both = Schedule { warmup: 10, tail: 100, ..paper };
-    close(both.rate(0, 1000), 1e-4);
-    close(both.rate(450, 1000), 5.5e-4);
-    close(both.rate(900, 1000), 1e-4);
-    close(both.rate(999, 1000), 1e-6);
-    close(both.rate(2000, 1000), 0.0);
+    let warm = Schedule { warmup: 10, ..paper };
+    close(warm.rate(0, 1000), 1e-4);
+    close(warm.rate(500, 1000), 5.5e-4);
+    close(warm.rate(2000, 1000), 1e-4);
 }
 
 #[test]

@@ -10,7 +10,7 @@ use crate::*;
 
 pub const CONFIG: TrainerConfig = TrainerConfig {
     updates: 30,
-    schedule: Schedule { start: 1e-3, end: 1e-4, warmup: 3, tail: 5 },
+    schedule: Schedule { start: 1e-3, end: 1e-4, warmup: 3 },
     validate_every: 6,
     checkpoint_every: 7,
     validation_windows: 50,

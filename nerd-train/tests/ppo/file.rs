@@ -22,7 +22,7 @@ fn a_policy_is_played_by_the_text_it_learned_with() {
     let run = |iterations: u64| {
         let config = PpoConfig { iterations, ..config("") };
         let arena = Arena::Truth(Truth::Articulated);
-        PolicyRun { task: task.clone(), arena, config, seed: 0, until: None, minutes: None, out: out.clone() }.train()
+        PolicyRun { task: task.clone(), arena, config, seed: 0, minutes: None, out: out.clone() }.train()
     };
     write(TASK);
     run(1).expect("trains");

@@ -41,7 +41,7 @@ fn a_policy_is_trained_in_a_model_of_the_lead_and_judged_in_its_truth() {
     let config = config("environments = 4\nhorizon = 100\niterations = 2\n");
     let run = |iterations: u64| {
         let (task, config, out) = (TASK.into(), PpoConfig { iterations, ..config.clone() }, temporary.path().join("policy"));
-        PolicyRun { task, arena: arena.clone(), config, seed: 0, until: None, minutes: None, out }.train().expect("trains")
+        PolicyRun { task, arena: arena.clone(), config, seed: 0, minutes: None, out }.train().expect("trains")
     };
     run(1);
     let learned = run(2);

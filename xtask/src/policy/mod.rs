@@ -10,7 +10,7 @@ mod export;
 use arena::ArenaArgs;
 use export::ExportArgs;
 
-use crate::options::{Number, SEEDS};
+use crate::options::SEEDS;
 use crate::{measure::Conduct, out, prelude::*};
 
 #[derive(clap::Args, Clone, Debug)]
@@ -64,9 +64,6 @@ pub struct TrainArgs {
     /// Steps in a minibatch, instead of the settings', or all of an iteration that --envs or --horizon makes smaller
     #[arg(long, value_parser = value::<usize>(Whole(1..=1 << 31)))]
     pub minibatch: Option<usize>,
-    /// Stop once the mean reward of the last episodes has reached this
-    #[arg(long, value_parser = value::<f64>(Number(f64::MIN..=f64::MAX)))]
-    pub until: Option<f64>,
     /// Stop with a checkpoint after this many minutes; the same command continues
     #[arg(long, value_parser = value::<f64>(Positive))]
     pub minutes: Option<f64>,
@@ -107,7 +104,7 @@ pub fn run(args: PolicyArgs) -> Result<()> {
 }
 
 fn train(args: TrainArgs) -> Result<()> {
-    let TrainArgs { task, robot, seed, until, minutes, .. } = args;
+    let TrainArgs { task, robot, seed, minutes, .. } = args;
     let task = robot.map_or(task.clone(), |robot| format!("{task}@{robot}"));
     let arena = args.arena.of(&task)?;
     let slopes = args.algorithm == Algorithm::Shac;
@@ -122,7 +119,7 @@ fn train(args: TrainArgs) -> Result<()> {
     config.iterations = args.iterations.unwrap_or(config.iterations);
     config.minibatch = args.minibatch.unwrap_or(config.minibatch.min(most));
     let out = args.out.unwrap_or_else(|| format!("out/policies/{}-{}-{seed}", nerd_tasks::word(&task), arena.word()).into());
-    let run = PolicyRun { task, arena, config, seed, until, minutes, out };
+    let run = PolicyRun { task, arena, config, seed, minutes, out };
     say(&run.train()?);
     Ok(())
 }

@@ -75,7 +75,7 @@ fn a_killed_run_is_finished_and_what_is_damaged_is_named() {
 #[test]
 fn a_file_has_the_keys_of_the_options_which_override_it() {
     let folder = Folder::new();
-    let settings = "robot = \"cartpole\"\nembedding = 48\nlayers = 2\nhead-width = 12\nblock = 16\nvalidation-windows = 4096\nlog-every = 20\n\
+    let settings = "robot = \"cartpole\"\nembedding = 48\nlayers = 2\nhead-width = 12\nvalidation-windows = 4096\nlog-every = 20\n\
                     transitions = 20000\nupdates = 600\nbatch = 16\nrollouts = 2\nvalidate-every = 3\n";
     let (file, [first, second]) = (folder.write("my.toml", settings), ["first", "second"].map(|name| folder.path(name)));
     done(&format!("train {} --updates 6 --out", file.display()), &[&first]);

@@ -45,10 +45,8 @@ settings! {
         /// Folders of models of the robot, or of a family of its kind, comma-separated. They are judged too, once shown the frames before
         /// each rollout and once shown none. Those that learned from the log are judged on what they held out
         models: Vec<PathBuf> = Vec::new(), Texts;
-        /// Random splits by trajectory: fitted to one part, judged on another
+        /// Random splits by trajectory: fitted to one part, judged on half of the rest (the paper: 400 and 85 of 570)
         splits: usize = 5, Whole(1..=100);
-        /// Share of the trajectories that are fitted to (%); half of the rest is judged on (the paper: 400 and 85 of 570)
-        train: usize = 68, Whole(1..=95);
         /// Frames of a rollout
         frames: usize = 80, Whole(2..=*FRAMES.end());
         /// Frames between the starts of rollouts
@@ -159,7 +157,7 @@ impl Calibration {
         let ready = able(&self.solvers, |solver| self.subject(&log, solver).map(|_| solver))?;
         let trials = log.trials(self.frames, self.every);
         let seeds = self.seed..self.seed + self.splits as u64;
-        let parts: Vec<Parts> = seeds.clone().map(|seed| Parts::new(&log, &trials, self.train, seed)).collect::<Result<_>>()?;
+        let parts: Vec<Parts> = seeds.clone().map(|seed| Parts::new(&log, &trials, seed)).collect::<Result<_>>()?;
         let still = parts.iter().zip(seeds).map(|(part, seed)| part.still(&log, seed)).collect();
         let fitted = able(&ready, |solver| self.calibrated(&log, solver, &parts))?;
         let modelled = self.modelled(&log, &parts)?;

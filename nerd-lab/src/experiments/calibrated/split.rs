@@ -42,18 +42,19 @@ pub struct FitOf {
     pub seconds: f64,
 }
 
-/// Shares of the trajectories that are judged on, of those that are not fitted to: the paper's 85 of 170.
+/// Share of the trajectories that are fitted to (%), the paper's 400 of 570; and of the others that are judged on, its 85 of 170.
+pub(super) const FITTED: usize = 68;
 const JUDGED: f64 = 0.5;
 /// Resampled sets of trajectories.
 const SETS: usize = 1000;
 
 impl Parts {
-    /// A random split: `train` % of the trajectories, and half of the rest. Neither part may be empty.
-    pub fn new(log: &Log, trials: &[Trial], train: usize, seed: u64) -> Result<Self> {
+    /// A random split, of which neither part may be empty.
+    pub fn new(log: &Log, trials: &[Trial], seed: u64) -> Result<Self> {
         let mut ids: Vec<u64> = log.trajectories.iter().map(|t| t.id).collect();
         ids.dedup();
         ids.shuffle(&mut stream(seed, 0));
-        let first = (ids.len() * train).div_ceil(100);
+        let first = (ids.len() * FITTED).div_ceil(100);
         let last = (first + ((ids.len() - first) as f64 * JUDGED).ceil() as usize).min(ids.len());
         let of = |ids: &[u64], trials: &[Trial]| trials.iter().filter(|t| ids.contains(&t.id)).cloned().collect::<Vec<_>>();
         let mut judged = ids[first..last].to_vec();
@@ -63,7 +64,7 @@ impl Parts {
         if parts.train.is_empty() || parts.judged.is_empty() {
             let longest = log.trajectories.iter().map(|t| t.states.len()).max().unwrap_or_default();
             bail!(
-                "{} trajectories, the longest of {longest} frames: {} rollouts to fit to and {} to judge on; take fewer --frames, or another --train",
+                "{} trajectories, the longest of {longest} frames: {} rollouts to fit to and {} to judge on; take fewer --frames",
                 ids.len(),
                 parts.train.len(),
                 parts.judged.len()

@@ -2,6 +2,7 @@
 
 use nerd_sim::calibrate::Distance;
 
+use super::split::FITTED;
 use super::{Calibrated, CalibratedAll, Modelled, Scored, Split};
 use crate::report::{Table, digits};
 
@@ -47,7 +48,7 @@ impl CalibratedAll {
             self.sizes[0],
             self.robot,
             self.settings.splits,
-            self.settings.train
+            FITTED
         ))
     }
 

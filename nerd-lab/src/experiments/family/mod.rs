@@ -66,7 +66,7 @@ impl Family {
     fn system(&self) -> Result<Arc<System>> {
         let system = System::named(&self.robot)?;
         if system.spec.vary.is_none() {
-            bail!("--set robot={}: nothing of it is drawn; give its TOML a [vary]", self.robot);
+            bail!("--robot {}: nothing of it is drawn; give its TOML a [vary]", self.robot);
         }
         Ok(system)
     }
@@ -206,7 +206,7 @@ impl Family {
 impl Experiment for Family {
     fn about(&self) -> Result<About> {
         let mut inputs = Inputs::default();
-        bounds::once("--set seen", &self.seen.iter().map(ToString::to_string).collect::<Vec<_>>())?;
+        bounds::once("--seen", &self.seen.iter().map(ToString::to_string).collect::<Vec<_>>())?;
         unused(&[("--device", self.device != Device::Cpu && self.models.is_empty())], "without models")?;
         inputs.add(Input::robot(&*self.system()?));
         for folder in &self.models {

@@ -29,8 +29,6 @@ settings! {
         seed: u64 = 500, Whole(SEEDS);
         /// Factor on the random torques of the training data, instead of passive motion
         drive: f64 = 0.0, Number(0.0..=1e3);
-        /// No torques at all, not even those that hold a default pose
-        limp: bool = false, Flag;
         /// Noise (rad/s or m/s) on all velocities after every frame of the solver. With the truth itself as the solver, this shows how far
         /// the motion's own sensitivity drives small differences apart
         shake: f64 = 0.0, Number(0.0..=1e3);
@@ -124,7 +122,6 @@ impl Passive {
             let truth = case.truth.or(case.solver.learned()?).unwrap_or(system.spec.truth);
             let steps = frames.unwrap_or_else(|| nerd_train::evaluate::horizon(&system.name));
             let action = match drive {
-                _ if case.asked.limp => Action::Limp,
                 0.0 => Action::Zero,
                 factor => Action::Random(factor),
             };
@@ -164,12 +161,10 @@ impl Passive {
 
 /// Refuses what says nothing, and what is more than can be borne.
 fn check(case: &Case, truth: Truth, system: &System, scene: &Scene, steps: usize) -> Result<()> {
-    let (itself, Protocol { starts, shake, drive, limp, .. }) = (case.solver.is(truth, system, scene), case.asked.clone());
-    unused(&[("--limp", limp && drive != 0.0)], "beside --drive")?;
+    let (itself, Protocol { starts, shake, .. }) = (case.solver.is(truth, system, scene), case.asked.clone());
     if itself && shake == 0.0 {
         bail!(
-            "`{}` against itself is 0 everywhere; name what to measure: --solver neural or rapier, --preset, --friction or --substeps, \
-             --shake",
+            "`{}` against itself is 0 everywhere; name what to measure: --solver neural or rapier, --preset, --substeps or --shake",
             truth.name()
         );
     }

@@ -45,7 +45,6 @@ impl Recorded {
         let idle = [
             ("--scene", !asked.scene.is_empty()),
             ("--drive", asked.drive != usual.drive),
-            ("--limp", asked.limp),
             ("--shake", asked.shake != usual.shake),
             ("--seed", asked.seed != usual.seed),
             ("--verdict", asked.verdict != usual.verdict),

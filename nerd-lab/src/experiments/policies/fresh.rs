@@ -1,9 +1,8 @@
-//! The strict protocol: the model is frozen, then policies of seeds never used before are trained in it and in its truth, and all are
-//! played in both.
+//! The strict protocol: the model is frozen, then policies of seeds never used before are trained in it, and all are played in it and in its
+//! truth.
 
 use nerd_train::ppo::{PolicyRun, folder};
 
-use super::super::games::truth_on;
 use super::Policies;
 use crate::{paper::policy_reward, prelude::*};
 
@@ -16,17 +15,12 @@ impl Policies {
         let tasks = if self.task.is_empty() { known.map(String::from).collect() } else { self.task.clone() };
         let mut runs = Vec::new();
         for task in tasks {
-            let (model, truth) = self.host(&task)?;
-            let learned = Arena::Model { folder: model, device: self.device };
-            // On the card, where it can be.
-            let home = if truth == Truth::Articulated { truth_on(self.device)? } else { Arena::Truth(truth) };
-            for (word, arena, seeds) in [("neural", learned, &self.fresh), ("truth", home, &self.truth_seeds)] {
-                let config = arena.settings(&task, Some(&self.recipe), None)?;
-                for seed in seeds {
-                    let out = self.runs.join(format!("{}-{word}-{seed}", nerd_tasks::word(&task)));
-                    let (task, arena, config) = (task.clone(), arena.clone(), config.clone());
-                    runs.push(PolicyRun { task, arena, config, seed: *seed, until: None, minutes: self.minutes, out });
-                }
+            let arena = Arena::Model { folder: self.host(&task)?.0, device: self.device };
+            let config = arena.settings(&task, Some(&self.recipe), None)?;
+            for seed in &self.fresh {
+                let out = self.runs.join(format!("{}-neural-{seed}", nerd_tasks::word(&task)));
+                let (task, arena, config) = (task.clone(), arena.clone(), config.clone());
+                runs.push(PolicyRun { task, arena, config, seed: *seed, minutes: self.minutes, out });
             }
         }
         Ok(runs)

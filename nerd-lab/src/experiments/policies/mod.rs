@@ -21,8 +21,6 @@ settings! {
         /// The strict protocol: seeds never used before, comma-separated. For each of them and each task a policy is trained in the frozen
         /// model, unless it is there; then all are played
         fresh: Vec<u64> = Vec::new(), Wholes(SEEDS);
-        /// With `fresh`: seeds of policies that are trained in the truth [default: none]
-        truth_seeds: Vec<u64> = Vec::new(), Wholes(SEEDS);
         /// With `fresh`: tasks [default: the paper's]
         task: Vec<String> = Vec::new(), Texts;
         /// With `fresh`: settings of PPO, small or paper (full length)
@@ -53,9 +51,13 @@ impl Policies {
     pub fn folders(&self) -> Result<Vec<PathBuf>> {
         let (usual, bare) = (Self::default(), self.truth_only && self.family.is_none());
         unused(&[("--device", bare && self.device != usual.device)], "with --truth-only and no --family")?;
-        let seeds = ("--truth-seeds", !self.truth_seeds.is_empty());
-        let rest = [("--task", !self.task.is_empty()), ("--recipe", self.recipe != usual.recipe), ("--runs", self.runs != usual.runs)];
-        unused(&[&rest[..], &[seeds, ("--minutes", self.minutes.is_some())]].concat(), "without --fresh")?;
+        let rest = [
+            ("--task", !self.task.is_empty()),
+            ("--recipe", self.recipe != usual.recipe),
+            ("--runs", self.runs != usual.runs),
+            ("--minutes", self.minutes.is_some()),
+        ];
+        unused(&rest, "without --fresh")?;
         if !self.policy.is_empty() {
             return Ok(self.policy.clone());
         }
@@ -166,7 +168,7 @@ impl Policies {
 impl Experiment for Policies {
     fn about(&self) -> Result<About> {
         if self.family.is_some() && !self.fresh.is_empty() {
-            bail!("--set family means nothing with fresh policies: train them with `cargo xtask policy train --family`");
+            bail!("--family means nothing with fresh policies: train them with `cargo xtask policy train --family`");
         }
         let (policies, inputs) = if self.fresh.is_empty() { self.given()? } else { self.frozen()? };
         let effort = (self.games * policies * if self.alone() { 1 } else { 2 }) as f64;

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::experiments::games::{Compared, Reward, gap};
 use crate::paper::policy_reward;
 use crate::report::{Axis, Figure, Panel, Series, Style, Table, or_dash};
+use nerd_train::stats::mean;
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
@@ -129,54 +130,33 @@ fn missed(row: &Row, miss: f64) -> String {
 pub fn summary(rows: &[Row]) -> Table {
     let mut table = gaps(rows);
     table.name = "summary".into();
-    for row in table.rows.iter_mut().chain([&mut table.header]) {
-        *row = [0, 1, 2, 9, 6].map(|column| row[column].clone()).into();
-    }
+    table.rows.iter_mut().chain([&mut table.header]).for_each(|row| drop(row.pop()));
     table
 }
 
-/// The policies of a task that were trained in a learned simulator, or those of the truth.
-fn of<'a>(rows: &'a [Row], task: &str, learned: bool) -> Vec<&'a Row> {
-    rows.iter().filter(|r| r.task == task && r.trained_in.starts_with("neural") == learned).collect()
-}
-
-/// Gaps by task and seed, and what policies earn in the truth by where they were trained.
+/// Gaps by task and seed, and what policies earn in the truth.
 pub fn gaps(rows: &[Row]) -> Table {
-    let given = |task: &&str| rows.iter().any(|r| r.task == *task);
-    let tasks = once(nerd_tasks::names().into_iter().filter(given).chain(rows.iter().map(|r| &*r.task)));
-    let lines = tasks.into_iter().map(|task| {
-        let (learned, truth) = (of(rows, task, true), of(rows, task, false));
-        let gaps = |rows: &[&Row]| rows.iter().filter_map(|r| r.rewards.gap).collect::<Vec<_>>();
-        let sizes = |rows: &[&Row]| gaps(rows).iter().map(|g| g.abs()).collect::<Vec<_>>();
-        let mean = |of: &[f64]| if of.is_empty() { f64::NAN } else { of.iter().sum::<f64>() / of.len() as f64 };
-        let most = |of: &[f64]| of.iter().copied().fold(f64::NAN, f64::max);
-        let seeds = |rows: &[&Row]| {
-            rows.iter().filter_map(|r| r.rewards.gap.map(|g| percent(g, r.rewards.gap_error))).collect::<Vec<_>>().join(", ")
-        };
-        let earned = |rows: &[&Row]| mean(&rows.iter().map(|r| r.rewards.real.mean).collect::<Vec<_>>());
-        let word = |x: f64, digits: usize| if x.is_finite() { format!("{x:.digits$}") } else { "-".into() };
-        let share = 100.0 * earned(&learned) / earned(&truth);
-        let (l, t) = (sizes(&learned), sizes(&truth));
-        let halves: Vec<f64> = learned.iter().filter_map(|r| r.half.map(f64::abs)).collect();
-        let head = vec![task.to_string(), word(mean(&l), 2), word(most(&l), 2), seeds(&learned), word(most(&t), 2), seeds(&truth)];
-        head.into_iter().chain([word(earned(&learned), 1), word(earned(&truth), 1), word(share, 1), word(mean(&halves), 2)]).collect()
+    let lines = once(rows.iter().map(|r| &*r.task)).into_iter().map(|task| {
+        let own = || rows.iter().filter(|r| r.task == task && r.trained_in.starts_with("neural"));
+        let word = |of: Vec<f64>, decimals: usize| if of.is_empty() { "-".into() } else { format!("{:.decimals$}", mean(&of)) };
+        let sizes: Vec<f64> = own().filter_map(|r| r.rewards.gap.map(f64::abs)).collect();
+        let most = sizes.iter().copied().reduce(f64::max).map(|most| format!("{most:.2}"));
+        let seeds = own().filter_map(|r| r.rewards.gap.map(|gap| percent(gap, r.rewards.gap_error)));
+        let (halves, earned) = (own().filter_map(|r| r.half.map(f64::abs)), own().map(|r| r.rewards.real.mean));
+        let seeds = seeds.collect::<Vec<_>>().join(", ");
+        vec![task.into(), word(sizes, 2), or_dash(most), word(halves.collect(), 2), word(earned.collect(), 1), seeds]
     });
     let header = [
         "task",
         "mean gap (%)",
         "largest (%)",
-        "gaps of policies trained in NeRD",
-        "largest of the truth's (%)",
-        "gaps of policies trained in the truth",
-        "trained in NeRD, reward in the truth",
-        "trained in the truth",
-        "share (%)",
         "mean gap of the truth at half its substeps (%)",
+        "trained in NeRD, reward in the truth",
+        "gaps of policies trained in NeRD",
     ];
     let note = "Policies of seeds that the model never met. Gap: (reward in NeRD - in the truth) / |reward in the truth|, +- its standard \
-                error over games; means and largest are of sizes, without sign. Share: what NeRD's policies earn in the truth, of what \
-                the truth's own earn there after as many steps. The truth at half its substeps (two of Runge-Kutta where nothing touches) \
-                plays the same policies.";
+                error over games; means and largest are of sizes, without sign. The truth at half its substeps (two of Runge-Kutta where \
+                nothing touches) plays the same policies.";
     Table::new("fresh", &header).with(lines).noted(note)
 }
 
