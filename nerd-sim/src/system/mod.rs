@@ -19,7 +19,6 @@ mod validate;
 pub(crate) mod vary;
 mod visuals;
 
-pub use derive::pose_of;
 pub(crate) use derive::stiffness;
 pub use model::{Source, System, SystemError, TERRAIN};
 pub use spec::*;

@@ -2,14 +2,8 @@
 
 use nerd_sim::scene::{foot, place};
 use nerd_sim::suite::bodies::Body;
-use parry3d_f64::shape::SharedShape;
 
 use super::common::*;
-
-fn ground(field: Field, beside: Vec<Collider>) -> Scene {
-    let terrain = Collider::terrain(field, Isometry3::identity(), Material::default());
-    Scene { name: "test".into(), gravity: Vector3::new(0.0, 0.0, -9.81), colliders: [vec![terrain], beside].concat() }
-}
 
 #[test]
 fn heights_and_normals_are_bilinear() {
@@ -22,33 +16,14 @@ fn heights_and_normals_are_bilinear() {
     }
     // Behind the last node comes the first one: from 2 back to 0.
     assert_eq!(field.scaled(0.5).at(0.75, 0.0), (0.5, [-2.0, 1.5]));
-    let event = ground(field, Vec::new()).contact(&Vector3::new(0.25, 0.125, 2.375));
+    let terrain = Collider::terrain(field, Isometry3::identity(), Material::default());
+    let event = Scene { colliders: vec![terrain], ..Scene::free(Vector3::z()) }.contact(&Vector3::new(0.25, 0.125, 2.375));
     let steep = (1.0f64 + 4.5 * 4.5 + 9.0).sqrt();
     assert!((event.distance - 1.0 / steep).abs() < 1e-12, "{} m away", event.distance);
     assert!((event.normal - Vector3::new(-4.5, -3.0, 1.0) / steep).norm() < 1e-12, "{:?}", event.normal);
     for wrong in [Field::new(0.1, [2, 2], vec![0.0; 3]), Field::new(0.0, [1, 1], vec![0.0]), Field::new(0.1, [1, 1], vec![f64::NAN])] {
         line(wrong);
     }
-}
-
-/// What is passed over since it is above the highest place would not have been the nearest, beside a ball in the air.
-#[test]
-fn what_is_passed_over_is_not_the_nearest() {
-    let system = on_rubble("cube");
-    let field = system.scene("terrain").expect("its own").terrain().expect("terrain").1.clone();
-    let ball = Collider::new(SharedShape::ball(0.1), Isometry3::translation(0.0, 0.0, 0.4), Material::default());
-    let both = ground(field, vec![ball]);
-    let alone = [0, 1].map(|k| Scene { colliders: vec![both.colliders[k].clone()], ..both.clone() });
-    let mut nearest = [0; 2];
-    for k in 0..500 {
-        let k = k as f64;
-        let p = Vector3::new(0.4 * (1.3 * k).sin(), 0.4 * (2.1 * k).cos(), 0.3 + 0.3 * (0.7 * k).sin());
-        let [a, b] = alone.each_ref().map(|scene| scene.contact(&p).distance);
-        let event = both.contact(&p);
-        assert_eq!(event.distance, a.min(b), "at {p:?}");
-        nearest[event.collider] += 1;
-    }
-    assert!(nearest.iter().all(|n| *n > 100), "{nearest:?}");
 }
 
 /// On heights of 0 everything moves as on the plane.

@@ -26,4 +26,3 @@ pub(crate) use limits::stiffen;
 #[cfg(feature = "meshes")]
 pub(crate) use meshes::{touch, vertices};
 pub(crate) use plain::{between, listed, plain, rounded};
-pub use srdf::pose_of;

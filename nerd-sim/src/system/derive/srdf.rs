@@ -9,7 +9,7 @@ const STANDING: [&str; 2] = ["standing", "half_sitting"];
 pub(super) const ZERO: &str = "zero, within the limits";
 
 /// A state at rest, and where it is from: an SRDF's pose to stand in, else zero, or the nearest to it within the limits.
-pub fn pose_of(robot: &Robot, urdf: Option<&Path>) -> (Vec<f64>, String) {
+pub(super) fn pose_of(robot: &Robot, urdf: Option<&Path>) -> (Vec<f64>, String) {
     let mut state = robot.zero_state();
     let coords = robot.root_coords();
     for (q, joint) in state[coords..].iter_mut().zip(robot.joints()) {
