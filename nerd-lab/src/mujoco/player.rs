@@ -13,8 +13,8 @@ use serde_json::json;
 use super::referee::{Python, from_mujoco, to_mujoco};
 use crate::prelude::*;
 
-/// Steps of a frame: 1/480 s at sixty frames a second.
-const SUBSTEPS: usize = 8;
+/// Length of a step of MuJoCo (s): our contact is stiff on light links, which at half a millisecond already fly off.
+const STEP: f64 = 1e-4;
 
 const PLAYER: &str = include_str!("player.py");
 
@@ -86,8 +86,9 @@ pub fn play(python: &Path, onnx: &Path, contract: &Contract, policy: &Policy, mu
     let (robot, joints) = (batch.system.robot.clone(), batch.system.robot.joint_count());
     let starts: Vec<_> = (0..n).map(|env| to_mujoco(&robot, batch.state(env))).collect();
     let mjcf = nerd_sim::mjcf::mjcf_of_our_contact(&batch.system, &batch.scenes[0])?;
+    let substeps = (batch.system.frame_time / STEP).ceil() as usize;
     let mut python = Python::start(python, PLAYER)?;
-    let first = json!({ "onnx": onnx, "contract": contract, "mjcf": mjcf, "substeps": SUBSTEPS, "starts": starts });
+    let first = json!({ "onnx": onnx, "contract": contract, "mjcf": mjcf, "substeps": substeps, "starts": starts });
     let mut played = Played { versions: python.ask(&first)?, ..Played::default() };
     let heard = Arc::new(Mutex::new(Heard::default()));
     episodes.simulation.solver = Box::new(Hearsay(heard.clone(), Vec::new()));

@@ -18,7 +18,8 @@ def say(answer, kind="answer"):
 
 def main():
     request = json.loads(sys.stdin.readline())
-    frames, starts, targets, every = request["frames"], request["starts"], request["targets"], request["every"]
+    frames, starts = request["frames"], request["starts"]
+    targets, every = request.get("targets"), request.get("every", 1)
     try:
         import mujoco
     except ImportError as error:
