@@ -1,4 +1,4 @@
-//! What an MJCF says beyond a URDF, as keys of a specification: gravity, armature, springs, gains, a pose to stand in, the ground.
+//! What an MJCF says beyond a URDF, as keys of a specification: gravity, armature, springs, gains and their law, a pose to stand in, the ground.
 
 use mjcf_rs::body::{self, Geom, GeomType};
 use toml::{Table, Value};
@@ -22,6 +22,11 @@ pub(super) fn described(mut tree: Tree) -> Result<Description<'static>, UrdfErro
     let mut joints: Vec<Table> =
         tree.all_joints().filter(|(name, _)| !tree.follow.contains_key(*name)).map(|(n, j)| own(tree, n, j)).collect();
     fold(tree, &mut joints, &mut notes);
+    if tree.free.is_none() && tree.motors.values().any(|motor| motor.kp > 0.0) {
+        // Of a robot on legs it is derived in any case.
+        let flags = ["clamp", "ahead"].map(|flag| (flag.to_string(), Value::Boolean(true)));
+        keys.insert("control".into(), Value::Table(flags.into_iter().chain([("scale".into(), Value::Float(1.0))]).collect()));
+    }
     let root = pose(tree, &mut joints)?;
     if !joints.is_empty() {
         keys.insert("joint".into(), Value::Array(joints.into_iter().map(Value::Table).collect()));
