@@ -42,9 +42,9 @@ impl TryFrom<String> for Range {
         let inner = text.trim().strip_prefix("U(").and_then(|t| t.strip_suffix(')'));
         let ends = inner.and_then(|t| t.split_once(','));
         let range = ends.and_then(|(low, high)| Some(Self { low: number(low)?, high: number(high)? }));
-        range
-            .filter(|l| l.low <= l.high && (l.high - l.low).is_finite())
-            .ok_or_else(|| format!("`{text}` is not a range: write U(low, high), for example U(-pi, 2.5)"))
+        range.filter(|l| l.low <= l.high && (l.high - l.low).is_finite()).ok_or_else(|| {
+            format!("`{text}` is not a range: write U(low, high), the low end first, without units, for example U(-pi, 2.5)")
+        })
     }
 }
 

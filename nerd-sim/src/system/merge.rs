@@ -48,6 +48,8 @@ impl Spec {
                             known.remove("gain");
                         }
                         known.extend(given);
+                        let wrong = |e| format!("[[joint]] name = {}: {e}", known["name"]);
+                        super::spec::JointSpec::deserialize(known.clone()).map_err(wrong)?;
                     }
                     (_, joint) => {
                         let known: Vec<String> = joints.iter().filter_map(name).collect();

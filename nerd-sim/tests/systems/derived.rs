@@ -77,8 +77,10 @@ fn a_part_of_a_toml_overrides_what_the_urdf_suggests() {
     assert_eq!(system.joint_specs().nth(1).map(|j| j.kp), plain.joint_specs().nth(1).map(|j| j.kp), "the rest of the joint is what it was");
     let [own, derived] = [&system, &plain].map(|system| system.spec.material);
     assert_eq!(own, Material { friction: 0.9, ..derived }, "the rest of the material, too");
-    let said = read(&table(1.0, ""), Some(&text.replace("armature = 0.03", "default = -90"))).err().map(|e| e.to_string());
-    assert!(said.as_ref().is_some_and(|said| said.contains("default is -90") && said.contains("in rad")), "{said:?}");
+    for (key, words) in [("default = -90", ["default is -90", "in rad"]), ("kp = \"30 N\"", ["[[joint]] name = \"hip1\": ", "30 N"])] {
+        let said = read(&table(1.0, ""), Some(&text.replace("armature = 0.03", key))).err().map(|e| e.to_string());
+        assert!(said.as_ref().is_some_and(|said| words.iter().all(|word| said.contains(word))), "{said:?}");
+    }
 }
 
 /// A point on its own axis resists no turn: that joint alone, and a note.

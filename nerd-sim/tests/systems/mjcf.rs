@@ -156,7 +156,7 @@ fn what_no_urdf_says_becomes_keys() {
         <actuator><position joint="j1" kp="7" kv="2" forcerange="-3 3" gear="2"/><velocity joint="j3" kv="5"/></actuator>
         <sensor><gyro site="s"/></sensor><tendon><fixed><joint joint="j1" coef="1"/></fixed></tendon>
         <keyframe><key name="home" qpos="0 0 9 1 0 0 0 .3 -.5 .4"/></keyframe></mujoco>"#,
-        body(1, r#"stiffness="3" springref="90""#),
+        body(1, r#"stiffness="3" springref="90" actuatorfrcrange="-1 1" actuatorfrclimited="false""#),
         body(2, "")
     );
     let path = folder.path().join("m.xml");
@@ -192,6 +192,7 @@ fn what_matters_and_is_not_understood_is_refused_by_name_and_line() {
         (world(r#"<body name="b"><composite type="rope"/></body>"#), "line 3, body `b`: <composite>"),
         (world(r#"<body name="b"><joint/><geom type="mesh" mesh="m"/></body>"#), "line 3, body `b`: its mass would be that of a mesh"),
         (world(&format!(r#"<body name="a"><freejoint/><geom size="1"/></body>{body}"#)), "line 3, body `b`: it moves beside"),
+        (world(r#"<body name="a"><joint type="free" armature="1"/><geom size="1"/></body>"#), "are not 0: write `<freejoint/>`"),
         (world(r#"<body><geom class="no"/></body>"#), "no default class `no`"),
         (beside(r#"<equality><weld name="w" body1="b"/></equality>"#), "line 2, weld `w`: <weld>"),
         (beside(r#"<equality><joint joint1="j" joint2="k"/></equality>"#), "joint `j`: equality: one of its two"),

@@ -132,7 +132,8 @@ impl Source {
                 classes.iter().find_map(own)
             };
             if kind == "joint" {
-                let range = node.attribute("actuatorfrcrange").map(String::from).or_else(|| inherited("actuatorfrcrange"));
+                let said = |key: &str| node.attribute(key).map(String::from).or_else(|| inherited(key));
+                let range = said("actuatorfrcrange").filter(|_| said("actuatorfrclimited").as_deref() != Some("false"));
                 let most = range.map(|r| r.split_whitespace().filter_map(|x| x.parse::<f64>().ok()).map(f64::abs).fold(0.0, f64::max));
                 self.efforts.extend(most.map(|most| (name.to_string(), most)));
                 continue;

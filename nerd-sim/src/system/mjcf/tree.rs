@@ -75,7 +75,7 @@ impl<'a> Tree<'a> {
         if [joint.armature, joint.damping, joint.frictionloss, joint.stiffness] != [0.0; 4] {
             return Err(wrong(
                 id,
-                "armature, damping, frictionloss and stiffness of its free joint, by a default class perhaps, are not 0",
+                "armature, damping, frictionloss and stiffness of its free joint, by a default class perhaps, are not 0: write `<freejoint/>`, which has none",
             ));
         }
         let beside = |k: usize| !self.model.bodies[k].body.joints.is_empty() && self.above(k).all(|above| above != id);

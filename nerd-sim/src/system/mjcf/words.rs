@@ -31,7 +31,7 @@ const ATTRIBUTES: [(&str, &str); 6] = [
 /// Attributes with the values, parted by `|`, that say nothing, and why others are refused.
 const MATTER: [(&str, &str, &str, &str); 16] = [
     ("joint", "springdamper", "0 0", "write stiffness and damping"),
-    ("joint", "actuatorfrclimited", "true|auto", "leave it out"),
+    ("joint", "actuatorfrclimited", "true|auto|false", "it is one of true, auto, false"),
     ("freejoint", "align", "false|auto", "its frame would be another; write inertial frames out"),
     ("compiler", "alignfree", "false", "its frame would be another; write inertial frames out"),
     ("compiler", "inertiagrouprange", "0 5", "give bodies an <inertial>"),
