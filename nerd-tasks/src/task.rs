@@ -64,7 +64,7 @@ impl About {
         let sizes =
             [("observation", self.observation as u64), ("action", self.action as u64), ("steps", self.steps), ("frames", self.frames)];
         let none = sizes.into_iter().find(|(_, size)| *size == 0);
-        none.map_or(Ok(()), |(field, _)| Err(format!("task `{}`: its `about` has {field}: 0; at least 1 is needed", self.name)))
+        none.map_or(Ok(()), |(field, _)| Err(format!("{field} is 0; at least 1 is needed")))
     }
 }
 

@@ -95,7 +95,8 @@ impl<'a> Reader<'a> {
             format!("{key}, {line}column {column}: {said}")
         };
         nested(text).map_err(|said| format!("{key}: {said}"))?;
-        let read: Expr = syn::parse_str(text).map_err(|e| at(e.span(), &e.to_string()))?;
+        let python = if text.contains(" if ") { "; in place of `if` write select(condition, a, b)" } else { "" };
+        let read: Expr = syn::parse_str(text).map_err(|e| at(e.span(), &format!("{e}{python}")))?;
         self.expression(&read).map_err(|(span, said)| at(span, &said))
     }
 
@@ -161,6 +162,7 @@ impl<'a> Reader<'a> {
                 }
                 _ => return wrong("the name of a function is needed".into()),
             },
+            Expr::If(_) => return wrong("in place of `if` write select(condition, a, b)".into()),
             _ => return wrong("not an expression of numbers, names, operators, [..] and functions".into()),
         };
         let steps = self.tape.nodes.borrow().len();
@@ -235,7 +237,7 @@ impl<'a> Reader<'a> {
             _ => (numbers(index)?, Of::Numbers),
         };
         let found: Option<Vec<_>> = at.iter().map(|k| value.numbers.get(*k).copied()).collect();
-        let numbers = found.ok_or_else(|| wrong(format!("number {} of {count}", at.iter().max().unwrap_or(&0))))?;
+        let numbers = found.ok_or_else(|| wrong(format!("no number {}: it has {count}, counted from 0", at.iter().max().unwrap_or(&0))))?;
         Ok(Value { numbers, of })
     }
 }

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use nerd_sim::prelude::*;
 use nerd_sim::{scene::TerrainSpec, system::SystemError};
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer, de::Error};
+use toml::{Table, Value};
 
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -18,6 +19,7 @@ pub(super) struct Keys {
     /// Levels of difficulty in training: shares of the terrain's heights.
     pub levels: Option<usize>,
     /// One frame (s) [default: the robot's].
+    #[serde(default, deserialize_with = "seconds")]
     pub frame_time: Option<f64>,
     /// Substeps of a frame [default: the robot's].
     pub substeps: Option<usize>,
@@ -35,7 +37,7 @@ pub(super) struct Keys {
     #[serde(default)]
     pub command: BTreeMap<String, Command>,
     /// Expressions by name.
-    #[serde(default, rename = "let")]
+    #[serde(default, rename = "let", deserialize_with = "lets")]
     pub lets: BTreeMap<String, String>,
     pub observation: Vec<String>,
     /// Torques [default: the robot's own controller].
@@ -65,9 +67,9 @@ impl Keys {
     }
 }
 
-/// A number and its unit, as in "0.1 m/s".
+/// A number and its unit, as in "0.1 m/s"; or a number alone.
 #[derive(Clone, Debug, Deserialize)]
-#[serde(try_from = "String")]
+#[serde(try_from = "Value")]
 pub(super) struct Allowed(pub f64, pub String);
 
 impl Default for Allowed {
@@ -76,17 +78,22 @@ impl Default for Allowed {
     }
 }
 
-impl TryFrom<String> for Allowed {
+impl TryFrom<Value> for Allowed {
     type Error = String;
 
-    fn try_from(text: String) -> Result<Self, String> {
+    fn try_from(value: Value) -> Result<Self, String> {
+        let text = expression("allowed", value)?;
         let (number, unit) = text.split_once(' ').unwrap_or((&text, ""));
         let number = number.parse::<f64>().ok().filter(|x| *x > 0.0 && x.is_finite());
         let number =
             number.ok_or_else(|| format!("allowed is \"{text}\": a number above 0 is needed and its unit, such as \"0.1 m/s\""))?;
         // Nothing is converted, so there is one unit of each kind.
         if let Some(other) = unit.split(|c: char| !c.is_alphabetic() && c != '%').find(|u| !["", "m", "rad", "s", "kg", "N"].contains(u)) {
-            return Err(format!("allowed is \"{text}\": `{other}` is no SI unit (m, rad, s, kg, N); write \"0.1 m/s\" for 10 cm/s"));
+            let known = [("cm", 1e-2, "m"), ("mm", 1e-3, "m"), ("ms", 1e-3, "s"), ("g", 1e-3, "kg"), ("deg", 1f64.to_radians(), "rad")];
+            let known = known.iter().find(|(own, ..)| *own == other);
+            let (number, unit) = known.map_or((0.1, "m/s".into()), |(_, factor, si)| (number * factor, unit.replacen(other, si, 1)));
+            let number = (number * 1e6).round() / 1e6;
+            return Err(format!("allowed is \"{text}\": `{other}` is no SI unit (m, rad, s, kg, N); write \"{number} {unit}\""));
         }
         Ok(Self(number, unit.trim().into()))
     }
@@ -96,26 +103,61 @@ fn one() -> u64 {
     1
 }
 
-#[derive(Clone, Debug, Deserialize)]
-#[serde(untagged, expecting = "a range \"U(low, high)\" is needed, or a list of them")]
-pub(super) enum Command {
-    One(Range),
-    Some(Vec<Range>),
+fn seconds<'de, D: Deserializer<'de>>(from: D) -> Result<Option<f64>, D::Error> {
+    f64::deserialize(from).map(Some).map_err(|_| D::Error::custom("frame_time: a number of seconds is needed, without quotes"))
 }
 
-impl Command {
-    pub fn ranges(&self) -> &[Range] {
-        match self {
-            Self::One(range) => std::slice::from_ref(range),
-            Self::Some(ranges) => ranges,
-        }
+/// Text, or a number as text.
+fn expression(key: &str, value: Value) -> Result<String, String> {
+    match value {
+        Value::String(text) => Ok(text),
+        Value::Integer(x) => Ok(x.to_string()),
+        Value::Float(x) => Ok(x.to_string()),
+        other => Err(format!("{key} is {}: an expression in quotes is needed, or a number", other.type_str())),
+    }
+}
+
+fn expressions(key: &str, all: Table) -> Result<BTreeMap<String, String>, String> {
+    all.into_iter().map(|(name, value)| Ok((name.clone(), expression(&format!("{key}.{name}"), value)?))).collect()
+}
+
+fn lets<'de, D: Deserializer<'de>>(from: D) -> Result<BTreeMap<String, String>, D::Error> {
+    expressions("let", Table::deserialize(from)?).map_err(D::Error::custom)
+}
+
+/// Of one number, or of several.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(try_from = "Value")]
+pub(super) struct Command(pub Vec<Range>);
+
+impl TryFrom<Value> for Command {
+    type Error = String;
+
+    fn try_from(value: Value) -> Result<Self, String> {
+        let all = if let Value::Array(all) = value { all } else { vec![value] };
+        let range = |value| match value {
+            Value::String(text) => Range::try_from(text),
+            _ => Err("a range \"U(low, high)\" is needed, or a list of them".into()),
+        };
+        all.into_iter().map(range).collect::<Result<_, _>>().map(Self)
     }
 }
 
 /// One expression, or named ones whose sum it is.
 #[derive(Clone, Debug, Deserialize)]
-#[serde(untagged, expecting = "an expression is needed, or named ones, of which the sum is taken")]
+#[serde(try_from = "Value")]
 pub(super) enum Terms {
     One(String),
     Sum(BTreeMap<String, String>),
+}
+
+impl TryFrom<Value> for Terms {
+    type Error = String;
+
+    fn try_from(value: Value) -> Result<Self, String> {
+        match value {
+            Value::Table(all) => expressions("reward", all).map(Self::Sum),
+            one => expression("reward", one).map(Self::One),
+        }
+    }
 }

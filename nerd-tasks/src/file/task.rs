@@ -42,7 +42,11 @@ impl FileTask {
     /// What is wrong with the text, with its key and column; that there is no such robot or scene.
     pub fn new(name: &str, text: &str, robot: Option<&str>) -> Result<Self, TaskError> {
         let wrong = |said: String| TaskError::File(name.into(), said);
-        let keys: Keys = toml::from_str(text).map_err(|e| wrong(e.to_string().trim().replace('\n', " ")))?;
+        let keys: Keys = toml::from_str(text).map_err(|e| match e.message() {
+            // It has no place.
+            missing if missing.starts_with("missing field") && e.span().is_none_or(|span| span.start == 0) => wrong(missing.into()),
+            _ => wrong(e.to_string().trim().replace('\n', " ")),
+        })?;
         let Some(robot) = robot.or(keys.robot.as_deref()) else {
             return Err(wrong("it is for any robot: name one with --robot, or under the key `robot`".into()));
         };
@@ -52,6 +56,7 @@ impl FileTask {
             }
             terrain.check().map_err(|e| wrong(format!("terrain: {e}")))?;
         }
+        keys.frame_time.map_or(Ok(()), |time| within("frame_time", time, 1e-6..=1.0, "s")).map_err(wrong)?;
         let system = keys.fit(System::named(robot)?)?;
         if system.robot.joint_count() == 0 && keys.act.is_none() {
             return Err(wrong(format!("`{}` has no joint that moves: there is nothing to act with", system.name)));
@@ -169,7 +174,7 @@ fn commands(keys: &Keys) -> Commands {
     let (mut goal, mut places) = (Vec::new(), Vec::new());
     let target = |name: &String| name == "target";
     for (name, command) in keys.command.iter().filter(|c| target(c.0)).chain(keys.command.iter().filter(|c| !target(c.0))) {
-        let ranges = command.ranges();
+        let ranges = &command.0;
         places.push((name.clone(), goal.len()..goal.len() + ranges.len()));
         goal.extend(ranges.iter().map(|range| [range.low, range.high]));
     }

@@ -72,8 +72,15 @@ fn what_is_wrong_with_a_file_is_said_with_its_place() {
         (("bent = ", "bent = \"1 + bent\"\n#"), "let.bent, column 5: `bent` speaks of itself"),
         (("ahead = ", "mass = "), "command.mass: there is a word `mass`; choose another name"),
         (("bent = ", "spare = \"uq\"\nbent = "), "let.spare, column 1: no word `uq`"),
-        (("0.1 m/s", "10 cm/s"), "allowed is \"10 cm/s\": `cm` is no SI unit"),
-        (("frames = 4", "frames = 0"), "its `about` has frames: 0; at least 1 is needed"),
+        (("0.1 m/s", "10 cm/s"), "allowed is \"10 cm/s\": `cm` is no SI unit (m, rad, s, kg, N); write \"0.1 m/s\""),
+        (("frames = 4", "frames = 0"), "task `my.toml`: frames is 0; at least 1 is needed"),
+        (("0.005", "\"1/50\""), "frame_time: a number of seconds is needed, without quotes"),
+        (("0.005", "5.0"), "task `my.toml`: frame_time is 5 s; a number from 1e-6 to 1"),
+        (("observation = ", "# "), "task `my.toml`: missing field `observation`"),
+        (("\"up\"", "\"up[3]\""), "observation.2, column 4: no number 3: it has 3, counted from 0"),
+        (("step * max(0,", "step if up[2] > 0 else max(0,"), "write select(condition, a, b)"),
+        (("bent = ", "spare = [1]\nbent = "), "let.spare is array: an expression in quotes is needed, or a number"),
+        (("\"U(-1, 1)\"       #", "\"U(1, -1)\" #"), "`U(1, -1)` is not a range: write U(low, high), the low end first, without units"),
         (("frames = 4", "frame = 4"), "unknown field `frame`"),
         (("frames = 4", "levels = 4\nframes = 4"), "levels: an episode that succeeds by `miss` goes on to higher [terrain]"),
         (("[let]", "[terrain]\nkind = \"mud\"\nheight = 1.0\n[let]"), "unknown variant `mud`, expected one of `rubble`"),
@@ -89,6 +96,9 @@ fn what_is_wrong_with_a_file_is_said_with_its_place() {
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    // A number is an expression.
+    let numbers = text(("bent = ", "spare = -3\nbent = ")).replace("\"0.1 m/s\"", "0.1");
+    assert_eq!(FileTask::new("my.toml", &numbers, Some("anymal")).map(|task| task.allowed().0).map_err(|e| e.to_string()), Ok(0.1));
     let said = |name: &str| named(name).err().map(|e| e.to_string()).unwrap_or_default();
     assert!(said("walk").contains("name one with --robot"), "{}", said("walk"));
     assert!(said("walk@cartpole").contains("the base of `cartpole` is fixed"), "{}", said("walk@cartpole"));
