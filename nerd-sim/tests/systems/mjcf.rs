@@ -125,18 +125,26 @@ fn classes_give_what_elements_leave_out() {
     assert!(shapes[1].pose.translation.z == 1.0 && matches!(shapes[1].kind, nerd_sim::nerd_core::robot::ShapeKind::Sphere { radius: 2.0 }));
 }
 
-/// Position actuators of an arm are its controller; motors leave actions torques.
+/// Position actuators of all of an arm's joints are its controller; with any other, actions are torques.
 #[test]
 fn an_arm_with_position_actuators_is_held_by_them() {
-    let arm = |actuator: &str| {
-        let body = r#"<body name="b"><joint name="j" axis="0 1 0"/><geom size=".1" pos=".2 0 0"/></body>"#;
-        read(&format!("<mujoco><worldbody>{body}</worldbody><actuator>{actuator}</actuator></mujoco>"))
+    let body = |k: usize, inner: &str| {
+        format!(r#"<body name="b{k}"><joint name="j{k}" axis="0 1 0"/><geom size=".1" pos=".2 0 0"/>{inner}</body>"#)
     };
-    let held = arm(r#"<position joint="j" kp="40" kv="2" forcerange="-9 9"/>"#);
-    let control = held.spec.control.expect("a controller");
+    let arm = |actuators: &str| {
+        let bodies = body(1, &body(2, ""));
+        read(&format!("<mujoco><worldbody>{bodies}</worldbody><actuator>{actuators}</actuator></mujoco>")).spec
+    };
+    let [first, second] = [1, 2].map(|k| format!(r#"<position joint="j{k}" kp="40" kv="2" forcerange="-9 9"/>"#));
+    let held = arm(&(first.clone() + &second));
+    let control = held.control.expect("a controller");
     assert!(control.scale == 1.0 && control.clamp && control.ahead && !control.relative, "{control:?}");
-    assert_eq!([held.spec.joints[0].kp, held.spec.joints[0].kd, held.spec.joints[0].gain.unwrap_or(0.0)], [40.0, 2.0, 9.0]);
-    assert!(arm(r#"<motor joint="j" ctrlrange="-9 9"/>"#).spec.control.is_none());
+    assert_eq!([held.joints[0].kp, held.joints[0].kd, held.joints[0].gain.unwrap_or(0.0)], [40.0, 2.0, 9.0]);
+    let strong = arm(&(first.clone() + r#"<position joint="j2" kp="40"/>"#)).control.expect("a controller");
+    assert!(!strong.clamp, "an actuator without a largest force is not kept within one");
+    for other in ["", r#"<motor joint="j2" ctrlrange="-9 9"/>"#, r#"<velocity joint="j2" kv="5"/>"#] {
+        assert!(arm(&(first.clone() + other)).control.is_none(), "{other}");
+    }
 }
 
 /// Drives, springs, a coupling, a pose and a ground of a robot that stands; with what has no effect on motion.

@@ -54,7 +54,8 @@ impl Parts {
         let mut ids: Vec<u64> = log.trajectories.iter().map(|t| t.id).collect();
         ids.dedup();
         ids.shuffle(&mut stream(seed, 0));
-        let first = (ids.len() * FITTED).div_ceil(100);
+        // Of a few, one is left to judge on.
+        let first = (ids.len() * FITTED).div_ceil(100).min(ids.len().saturating_sub(1));
         let last = (first + ((ids.len() - first) as f64 * JUDGED).ceil() as usize).min(ids.len());
         let of = |ids: &[u64], trials: &[Trial]| trials.iter().filter(|t| ids.contains(&t.id)).cloned().collect::<Vec<_>>();
         let mut judged = ids[first..last].to_vec();
@@ -64,7 +65,7 @@ impl Parts {
         if parts.train.is_empty() || parts.judged.is_empty() {
             let longest = log.trajectories.iter().map(|t| t.states.len()).max().unwrap_or_default();
             bail!(
-                "{} trajectories, the longest of {longest} frames: {} rollouts to fit to and {} to judge on; take fewer --frames",
+                "{} trajectories, the longest of {longest} frames: {} rollouts to fit to and {} to judge on; two trajectories are needed, longer than --frames",
                 ids.len(),
                 parts.train.len(),
                 parts.judged.len()

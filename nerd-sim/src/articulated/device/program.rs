@@ -283,7 +283,7 @@ pub fn record(scene: &Scene, system: &System, reach: Reach) -> Result<Vec<f64>, 
     Ok(numbers)
 }
 
-/// Refuses settings without kernels: those of the reference, which are slower than what is more exact.
+/// Refuses settings without kernels: those of the reference, which no training and no task uses.
 ///
 /// # Errors
 /// Symplectic Euler, explicit contact and Huber's friction.

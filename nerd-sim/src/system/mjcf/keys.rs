@@ -22,10 +22,9 @@ pub(super) fn described(mut tree: Tree) -> Result<Description<'static>, UrdfErro
     let mut joints: Vec<Table> =
         tree.all_joints().filter(|(name, _)| !tree.follow.contains_key(*name)).map(|(n, j)| own(tree, n, j)).collect();
     fold(tree, &mut joints, &mut notes);
-    if tree.free.is_none() && tree.motors.values().any(|motor| motor.kp > 0.0) {
-        // Of a robot on legs it is derived in any case.
-        let flags = ["clamp", "ahead"].map(|flag| (flag.to_string(), Value::Boolean(true)));
-        keys.insert("control".into(), Value::Table(flags.into_iter().chain([("scale".into(), Value::Float(1.0))]).collect()));
+    // Of a robot on legs a controller is derived in any case.
+    if tree.free.is_none() && !joints.is_empty() {
+        keys.extend(control(tree, &mut notes).map(|control| ("control".into(), Value::Table(control))));
     }
     let root = pose(tree, &mut joints)?;
     if !joints.is_empty() {
@@ -65,6 +64,19 @@ pub(super) fn described(mut tree: Tree) -> Result<Description<'static>, UrdfErro
         notes.push(format!("{left} geoms of the world beside it are passed over; a .toml's [[scene]] may have them"));
     }
     Ok(Description { urdf, keys, notes, quaternion: root, floor, friction })
+}
+
+/// The position law of an arm all of whose joints have position actuators.
+fn control(tree: &Tree, notes: &mut Vec<String>) -> Option<Table> {
+    let held = |name: &str| tree.motors.get(name).filter(|motor| motor.kp > 0.0);
+    let led = tree.all_joints().map(|(name, _)| name).filter(|name| !tree.follow.contains_key(*name));
+    let (with, without): (Vec<_>, Vec<_>) = led.partition(|name| held(name).is_some());
+    if let (false, Some(other)) = (with.is_empty(), without.first()) {
+        notes.push(format!("joint `{other}` has no position actuator, so actions are torques; [control] in a .toml makes them targets"));
+    }
+    let clamp = with.iter().filter_map(|name| held(name)).all(|motor| motor.effort.is_finite());
+    let law = [("scale", Value::Float(1.0)), ("clamp", Value::Boolean(clamp)), ("ahead", Value::Boolean(true))];
+    (!with.is_empty() && without.is_empty()).then(|| law.map(|(key, x)| (key.to_string(), x)).into_iter().collect())
 }
 
 /// What a URDF cannot say of a joint.
