@@ -85,6 +85,9 @@ impl Chart {
         });
         let methods = settings.into_iter().chain(models.into_iter().map(Setting::Neural)).map(|setting| Method::new(setting, truth));
         let (mut ready, mut refused) = (Vec::new(), Vec::new());
+        if let Some(Err(reason)) = Setting::from(truth).articulated(&system).filter(|_| card).map(|config| has_kernels(&config)) {
+            refused.push(format!("the truth, {}: left out, {reason}", truth.name()));
+        }
         for method in methods.collect::<Result<Vec<Method>>>()? {
             let solver = method.setting.solver(&system).map_err(|e| e.to_string());
             match solver.map_or_else(Some, |mut solver| refusal(&mut *solver, &system, &scene)) {

@@ -291,7 +291,7 @@ pub fn has_kernels(config: &ArticulatedConfig) -> Result<(), StepError> {
     match (config.integrator, config.contact_step, config.friction) {
         (Integrator::Rk4, ContactStep::Implicit, Friction::Coulomb) => Ok(()),
         _ => Err(StepError::Refused(
-            "symplectic Euler, explicit contact and Huber's friction have no kernels: take ArticulatedConfig::accurate or implicit, or the CPU".into(),
+            "preset paper (robots NAME-paper), symplectic Euler and Huber's friction have no kernels: step on the CPU, or by preset accurate".into(),
         )),
     }
 }
