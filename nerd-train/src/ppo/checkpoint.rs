@@ -58,7 +58,8 @@ impl Trainer {
         let whole = |config, run: &str, seed| serde_json::json!({ "run": run, "seed": seed, "settings": config }).to_string();
         let (found, asked) = (whole(&config, file.word("run")?, counts[2]), whole(&self.config, run, self.seed));
         if found != asked {
-            return Err(file.wrong(format!("it is that of another run: {}", between(&found, &asked))));
+            let what = changed(file.word("run")?, run).map_or_else(|| between(&found, &asked), Into::into);
+            return Err(file.wrong(format!("it is that of another run: {what}")));
         }
         let mut state = self.state.clone();
         state.policy = get(&file, "policy.", state.policy.shape)?;
@@ -89,5 +90,16 @@ impl Trainer {
         self.engine.restore(&mut self.episodes, &snapshot)?;
         self.state = state;
         Ok(())
+    }
+}
+
+/// What changed between runs that differ by a hash alone: of the task, `task HASH of ..`, or of the robot, the last word.
+fn changed(was: &str, now: &str) -> Option<&'static str> {
+    let (was, now) = (was.split(' ').collect::<Vec<_>>(), now.split(' ').collect::<Vec<_>>());
+    let apart: Vec<usize> = (0..was.len().max(now.len())).filter(|k| was.get(*k) != now.get(*k)).collect();
+    match apart[..] {
+        [1, ..] if was[0] == "task" && apart[1..].iter().all(|k| k + 1 == was.len()) => Some("the task's text changed"),
+        [k] if k + 1 == was.len() && was.len() > 2 => Some("the robot's file changed"),
+        _ => None,
     }
 }

@@ -76,7 +76,10 @@ pub fn load(folder: &Path) -> Result<(PolicyConfig, Policy)> {
     if let Some(sha256) = config.provenance.get(ROBOT)
         && *sha256 != task.system()?.sha256()
     {
-        let text = format!("`{}` is another robot than the policy learned with ({})", task.robot(), &sha256[..sha256.len().min(16)]);
+        let text = format!(
+            "the file of robot `{}`, or what the task says of robots (frame_time, substeps, rotors, [terrain]), changed since the policy learned; train again",
+            task.robot()
+        );
         return Err(Error::file(&path)(text));
     }
     read(folder, config, &*task)
