@@ -51,7 +51,10 @@ fn a_result_is_kept_as_it_was_measured_and_gives_way_to_none_with_less_behind_it
     let shaken = |starts| Passive::new("shaken", &[truth(|asked| (asked.shake, asked.starts) = (0.01, starts))]).expect("asked");
     let written = conduct(&shaken(3), folder.path()).expect("written");
     let refused = refusal(conduct(&shaken(2), folder.path()));
-    assert!(refused.contains("shaken") && refused.contains("--out"), "{refused}");
+    assert!(
+        refused.contains("shaken") && refused.contains("of 12 games or rollout frames, this run has 8; ask for as many (--games"),
+        "{refused}"
+    );
     conduct(&shaken(3), folder.path()).expect("as much is enough");
     let read = Artifact::read(folder.path(), "shaken").expect("read");
     let [found, measured] = [&read, &written].map(|result| result.parse::<Rows>().expect("its data").rows[0].report.error[0]);

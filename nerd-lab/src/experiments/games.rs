@@ -66,9 +66,24 @@ fn gap_error(real: &[Game], learned: &[Game]) -> f64 {
     100.0 * real.iter().zip(learned).map(square).sum::<f64>().sqrt() / (real.len() as f64 * r.abs())
 }
 
+/// Folder of the model that comes with the project for a task, and whether it is there.
+pub fn model_of(task: &str) -> Result<(PathBuf, bool)> {
+    let folder = shipped::model_of_task(task, &named(task)?.system()?.name);
+    let there = folder.join("config.json").exists();
+    Ok((folder, there))
+}
+
+/// That one is not there, and what to do.
+pub fn no_model(folder: &Path) -> String {
+    format!("{}: there is no model: train one (`cargo xtask train`), name one with --model", folder.display())
+}
+
 /// The model that comes with the project for a task.
 pub fn learned(task: &str, device: Device) -> Result<Arena> {
-    Ok(Arena::Model { folder: shipped::model_of_task(task, named(task)?.robot()), device })
+    match model_of(task)? {
+        (folder, true) => Ok(Arena::Model { folder, device }),
+        (folder, false) => bail!("{}", no_model(&folder)),
+    }
 }
 
 /// The truth of every robot, on a device.

@@ -63,7 +63,7 @@ pub fn may_write(folder: &Path, name: &str, provenance: &Provenance, effort: f64
     let Ok(there) = Artifact::read(folder, name) else { return Ok(()) };
     if effort < there.effort {
         bail!(
-            "{}: measured with {:.3e} rollout frames, this run has {effort:.3e}; write it elsewhere (--out out/try)",
+            "{}: of {} games or rollout frames, this run has {effort}; ask for as many (--games, --starts, --frames), or write elsewhere (--out out/try)",
             path.display(),
             there.effort
         );

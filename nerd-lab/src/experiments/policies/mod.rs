@@ -5,7 +5,7 @@ use nerd_train::ppo::folder::{self, PolicyConfig};
 use nerd_train::{ppo::Policy, shipped::from_root};
 use rayon::prelude::*;
 
-use super::games::{Compared, depend, games, input_of};
+use super::games::{Compared, depend, games, input_of, model_of, no_model};
 use crate::{error::unused, prelude::*};
 
 mod fresh;
@@ -14,7 +14,7 @@ mod tables;
 settings! {
     /// Policies in the truth and in the simulator that learned it.
     pub struct Policies {
-        /// Name of the result [default: `policies`; of one policy its own]
+        /// Name of the result in --out [default: `policies`; of one policy its own]
         name: String = String::new(), Text;
         /// Folders of policies, comma-separated [default: all in models/policies]
         policy: Vec<PathBuf> = Vec::new(), Texts;
@@ -75,10 +75,14 @@ impl Policies {
 
     /// Folder of the model that a task's policies are played in, and the truth that it learned.
     fn host(&self, task: &str) -> Result<(PathBuf, Truth)> {
-        let robot = nerd_tasks::named(task)?.robot();
-        let folder = self.model.clone().unwrap_or_else(|| shipped::model_of_task(task, robot));
-        let alone = self.alone() && self.model.is_none() && !folder.join("config.json").exists();
-        let truth = if alone { Truth::default() } else { ModelConfig::truth_of(&folder)? };
+        let (folder, there) = match &self.model {
+            Some(folder) => (folder.clone(), true),
+            None => model_of(task)?,
+        };
+        if !there && !self.alone() {
+            bail!("{}, or add --truth-only", no_model(&folder));
+        }
+        let truth = if there { ModelConfig::truth_of(&folder)? } else { Truth::default() };
         Ok((folder, truth))
     }
 

@@ -100,7 +100,10 @@ pub fn terms(rows: &[Row]) -> Option<Table> {
     let policies = once(rows.iter().map(|(_, policy)| &**policy));
     let cell = |task: &str, name: &str, policy: &str| {
         let row = rows.iter().find(|(row, own)| row.task == task && own == policy);
-        or_dash(row.and_then(|(row, _)| row.terms.iter().find(|term| term.0 == name)).map(|term| format!("{:.3}", term.1)))
+        or_dash(
+            row.and_then(|(row, _)| row.terms.iter().find(|term| term.0 == name))
+                .map(|term| format!("{:.3}", (term.1 * 1e3).round() / 1e3 + 0.0)),
+        )
     };
     let line = |(task, name): (&str, &str)| {
         [task.into(), name.into()].into_iter().chain(policies.iter().map(|policy| cell(task, name, policy))).collect()
