@@ -34,6 +34,8 @@ pub struct Episodes {
     trace: Option<Trace>,
     /// Whether they go up and down in levels.
     climbs: bool,
+    /// Why the first of those that the solver could not go on with ended.
+    pub fault: Option<String>,
 }
 
 impl Episodes {
@@ -62,6 +64,7 @@ impl Episodes {
             past: Past::for_lag(&system),
             trace: None,
             climbs: false,
+            fault: None,
             task,
             simulation,
         };
@@ -121,7 +124,7 @@ impl Episodes {
         if actions.len() != n * width {
             return Err(StepError::Solver(format!("{} actions for {n} environments of {width} each", actions.len())));
         }
-        self.task.about().check().map_err(StepError::Solver)?;
+        self.task.about().check().map_err(|e| StepError::Solver(format!("task `{}`: {e}", self.task.name())))?;
         // Also those of a beginning, which the actions come from.
         self.finite("observe", &self.observations)?;
         let mut failed = vec![false; n];
@@ -134,6 +137,9 @@ impl Episodes {
         let d = self.simulation.batch.system.robot.state_dim();
         let states = self.simulation.batch.states.par_chunks_exact(d).with_min_len(CHUNK);
         failed.par_iter_mut().zip(states).for_each(|(failed, state)| *failed |= state.iter().any(|x| x.abs() > FAR));
+        if self.fault.is_none() && failed.contains(&true) {
+            self.fault = Some(format!("a coordinate or its rate passed {FAR:e}"));
+        }
         let mut result = StepResult::default();
         (0..n).filter(|env| failed[*env]).for_each(|env| self.start(env));
         self.judge(&failed, &mut result);
@@ -245,6 +251,7 @@ impl Episodes {
                     return Err(StepError::Environments(vec![fault]));
                 }
                 failed[fault.env] = true;
+                self.fault.get_or_insert(fault.reason);
                 self.start(fault.env);
             }
         }

@@ -28,10 +28,16 @@ pub fn line(text: Arguments) {
 
 /// A table, in Markdown unless JSON was asked for.
 pub fn table(table: &Table) {
-    match TABLES.get() {
-        Some(tables) => drop(tables.lock().unwrap_or_else(PoisonError::into_inner).insert(table.name.clone(), table.json())),
-        None => write(format_args!("{}", table.markdown())),
+    if !keep(table) {
+        write(format_args!("{}", table.markdown()));
     }
+}
+
+/// A table for JSON alone; whether that was asked for.
+pub fn keep(table: &Table) -> bool {
+    let Some(tables) = TABLES.get() else { return false };
+    tables.lock().unwrap_or_else(PoisonError::into_inner).insert(table.name.clone(), table.json());
+    true
 }
 
 pub fn tables(tables: &[Table]) {

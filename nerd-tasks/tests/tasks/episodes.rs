@@ -130,6 +130,7 @@ fn an_environment_that_cannot_be_stepped_ends_its_episode_alone() {
             assert_eq!(result.rewards[env], undisturbed.rewards[env], "step {step}");
         }
     }
+    assert!(broken.fault.is_some() && whole.fault.is_none(), "{:?}", broken.fault);
     assert!(broken.step(&[0.0]).is_err(), "one action for three Ants");
 }
 

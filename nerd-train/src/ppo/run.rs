@@ -42,8 +42,10 @@ pub struct Learned {
     pub reward: Option<f64>,
     /// Iterations done.
     pub iterations: u64,
-    /// Episodes that ended because the solver could not go on with them, this time.
+    /// Episodes that ended because the solver could not go on with them, this time, and why the first did, where that is known.
     pub failed: usize,
+    /// See `failed`.
+    pub fault: Option<String>,
     /// Time of this call.
     pub elapsed: Duration,
     /// What it was spent on, in words.
@@ -74,7 +76,8 @@ impl PolicyRun {
         let spent = self.iterate(&mut trainer, &title, &identity, started)?;
         let (_, reward) = trainer.best();
         let (policy, iterations, elapsed) = (out.join("policy"), trainer.state.iteration, started.elapsed());
-        let done = Learned { title, policy, reward, iterations, failed: spent.failed, elapsed, spent: spent.words() };
+        let fault = trainer.episodes.fault.clone();
+        let done = Learned { title, policy, reward, iterations, failed: spent.failed, fault, elapsed, spent: spent.words() };
         // Asked again, a finished run keeps its times.
         if iterations > first || !Session::any(out) {
             Session::log(out, first, iterations, elapsed.as_secs_f64(), &done.spent)?;
@@ -139,6 +142,9 @@ impl Spent {
 
     /// In words: steps a second, and shares.
     fn words(&self) -> String {
+        if self.steps == 0.0 {
+            return "all iterations were done before; more --iterations continue".into();
+        }
         let (all, whole) = ((self.rollout + self.update).max(1e-9), [("rollout", self.rollout), ("update", self.update)]);
         let parts = if self.parts.is_empty() { &whole[..] } else { &self.parts };
         let shares: Vec<String> = parts.iter().map(|(name, seconds)| format!("{name} {:.0} %", 100.0 * seconds / all)).collect();

@@ -1,6 +1,7 @@
 //! `cargo xtask policy train|evaluate|show|export|carry`: policies trained on any solver, played on any other, carried elsewhere.
 
 use nerd_lab::experiments::{carried::Carried, policies::Policies};
+use nerd_lab::report::{Table, or_dash};
 use nerd_train::ppo::{Algorithm, Learned, PolicyRun, PpoConfig, folder};
 use nerd_train::replay;
 
@@ -24,13 +25,19 @@ pub enum PolicyVerb {
     /// Train a policy by PPO or SHAC, or continue a run
     Train(Box<TrainArgs>),
     /// Play a policy in the truth and in the learned simulator
+    #[command(mut_arg("out", written))]
     Evaluate(Conduct<Policies>),
     /// Write one episode as a page that any browser plays
     Show(ShowArgs),
     /// Write a policy as ONNX, and beside it a contract that says what its numbers are
     Export(ExportArgs),
     /// Play policies in MuJoCo by their ONNX and contract alone, beside the truth
+    #[command(mut_arg("out", written))]
     Carry(Conduct<Carried>),
+}
+
+fn written(out: clap::Arg) -> clap::Arg {
+    out.help("Folder for the result; without it none is written")
 }
 
 #[derive(clap::Args, Clone, Debug)]
@@ -85,7 +92,7 @@ pub struct ShowArgs {
     /// Seed of the start
     #[arg(long, default_value_t = 0, value_parser = value::<u64>(Whole(SEEDS)))]
     pub seed: u64,
-    /// Commands of the task, in place of those that the seed draws, such as ahead=0.5,turn=0
+    /// Commands of the task, such as ahead=0.5,turn=0; the seed draws those that are not named
     #[arg(long, value_name = "NAME=NUMBER,...", allow_hyphen_values = true)]
     pub command: Option<String>,
     /// HTML file to write
@@ -125,13 +132,19 @@ fn train(args: TrainArgs) -> Result<()> {
 }
 
 fn say(done: &Learned) {
-    let reward = done.reward.map_or("no full set of episodes yet".into(), |r| format!("best mean reward {r:.1}"));
+    let reward = done
+        .reward
+        .map_or("no full set of episodes yet".into(), |r| format!("best mean reward {r:.1} with noise (`policy evaluate` plays without)"));
     let seconds = done.elapsed.as_secs_f64();
     say!("{}: {reward} in {} iterations, {seconds:.0} s here; {}", done.title, done.iterations, done.policy.display());
     say!("{}", done.spent);
     if done.failed > 0 {
-        tell!("{} episodes ended because the solver could not go on with them", done.failed);
+        let first = done.fault.as_ref().map_or_else(String::new, |fault| format!("; the first: {fault}"));
+        tell!("{} episodes ended because the solver could not go on with them{first}", done.failed);
     }
+    let rate = done.spent.split_once(" steps/s").map(|(rate, _)| rate);
+    let cells = [done.title.clone(), or_dash(done.reward), done.iterations.to_string(), or_dash(rate), done.policy.display().to_string()];
+    out::keep(&Table::new("policy", &["run", "reward", "iterations", "steps/s", "folder"]).with([cells.to_vec()]));
 }
 
 fn show(args: ShowArgs) -> Result<()> {

@@ -3,7 +3,7 @@
 use std::process::{Child, Stdio};
 use std::{path::Path, time::Duration};
 
-use crate::{Folder, bytes, command, done, json, refused, text};
+use crate::{Folder, bytes, command, done, json, refused, root, text};
 
 /// A model of seconds; its folder follows.
 const TRAIN: &str =
@@ -93,6 +93,9 @@ fn a_policy_is_trained_continued_played_and_shown() {
     let train = |out: &Path, iterations: usize| done(&format!("{POLICY} --iterations {iterations} --out"), &[out]);
     train(&whole, 11);
     train(&whole, 30);
+    let again = done(&format!("{POLICY} --iterations 30 --json --out"), &[&whole]);
+    let row = &serde_json::from_str::<serde_json::Value>(&again.0).expect("JSON")["policy"][0];
+    assert!(row["iterations"] == 30.0 && row["steps/s"].is_null() && again.1.contains("were done before; more --iterations"), "{again:?}");
     assert_eq!(text(whole.join("metrics.jsonl")).lines().count(), 30, "one line for each iteration");
     let card = text(whole.join("policy/README.md"));
     assert!(["commit", "command", "machine", "seed"].iter().all(|word| card.contains(word)), "{card}");
@@ -105,11 +108,16 @@ fn a_policy_is_trained_continued_played_and_shown() {
     let html = text(&page);
     assert!(html.contains("\"poses\":[[[") && !html.contains("http") && !html.contains("src="), "a page that loads nothing");
     let walker = folder.path("walker");
-    done("policy train walk --robot ant --envs 2 --horizon 8 --minibatch 16 --iterations 1 --out", &[&walker]);
+    let crawler = folder.path("crawler.urdf");
+    std::fs::copy(root().join("nerd-sim/assets/ant.urdf"), &crawler).expect("copied");
+    folder.write("crawler.toml", "like = \"urdf\"\nfloating = true\n");
+    let train = format!("policy train walk --robot {} --envs 2 --horizon 8 --minibatch 16 --iterations 1 --out", crawler.display());
+    done(&train, &[&walker]);
+    refused("policy evaluate --policy", &[&walker.join("policy")], "models/crawler: there is no model: train one");
     let show = format!("policy show --policy {} --command", walker.join("policy").display());
     done(&format!("{show} ahead=0.50,turn=-0.25,aside=0 --out"), &[&page]);
     let html = text(&page);
-    assert!(html.contains("walk-ant in articulated accurate, ahead 0.5, aside 0, turn -0.25"), "{}", &html[..html.len().min(400)]);
+    assert!(html.contains("walk-crawler in articulated accurate, ahead 0.5, aside 0, turn -0.25"), "{}", &html[..html.len().min(400)]);
     refused(&format!("{show} speed=1 --out"), &[&page], "choose from ahead, aside, turn");
     // The weights of the policy under another task's name.
     let config = text(policy.join("config.json"));
