@@ -93,7 +93,7 @@ fn a_point_learns_to_go_home() {
 
 #[test]
 fn a_task_without_numbers_or_steps_is_refused_by_name() {
-    for (length, reward, expected) in [(5, (|_| f64::NAN) as fn(f64) -> f64, "its `reward` gives NaN"), (0, |x| x, "steps: 0")] {
+    for (length, reward, expected) in [(5, (|_| f64::NAN) as fn(f64) -> f64, "its `reward` gives NaN"), (0, |x| x, "steps is 0")] {
         let said = points(2, length, [1.0, 1.0], reward).step(&[0.0; 2]).expect_err("refused").to_string();
         assert!(said.contains("task `point`") && said.contains(expected), "{said}");
     }
