@@ -1,7 +1,5 @@
 //! Solvers on a GPU: many environments, which stay there for all frames.
 
-use std::thread;
-
 use nerd_sim::articulated::device::Real;
 use nerd_train::{device::resident, evaluate::Held, learner::cuda::Precision, provenance::card_memory};
 
@@ -12,21 +10,6 @@ use crate::roll::idle;
 pub fn arithmetics(setting: &Setting) -> &'static [(Precision, &'static str)] {
     let all = &[(Precision::F32, ""), (Precision::Tf32, ", TF32"), (Precision::F16, ", f16")];
     if matches!(setting, Setting::Neural(_)) { all } else { &all[..1] }
-}
-
-/// Compiles what analytic solvers of these settings are on the GPU, beside each other; what cannot be is told of when it is timed.
-pub fn compile<'a>(begun: &Batch, settings: impl Iterator<Item = &'a Setting>, held: Option<&Held>) {
-    thread::scope(|scope| {
-        for setting in settings.filter(|setting| setting.articulated(&begun.system).is_some()) {
-            scope.spawn(move || {
-                let mut one = Batch::new(&begun.system, &begun.scenes[0], 1);
-                one.drives = held.map_or_else(Vec::new, |held| held.drives(0, 1));
-                let torques = idle(&one);
-                resident(setting, &begun.system, Real::F32, Precision::F32)
-                    .is_ok_and(|mut solver| solver.roll(&mut one, &torques, 1).is_ok())
-            });
-        }
-    });
 }
 
 /// Errors of a solver there, and the microseconds of a frame of one of `n` environments that go on from those of `begun`, in turn, for so many

@@ -48,6 +48,8 @@ pub struct Learned {
     pub fault: Option<String>,
     /// Time of this call.
     pub elapsed: Duration,
+    /// Steps a second; none where nothing was left to do.
+    pub rate: Option<f64>,
     /// What it was spent on, in words.
     pub spent: String,
 }
@@ -77,7 +79,8 @@ impl PolicyRun {
         let (_, reward) = trainer.best();
         let (policy, iterations, elapsed) = (out.join("policy"), trainer.state.iteration, started.elapsed());
         let fault = trainer.episodes.fault.clone();
-        let done = Learned { title, policy, reward, iterations, failed: spent.failed, fault, elapsed, spent: spent.words() };
+        let done =
+            Learned { title, policy, reward, iterations, failed: spent.failed, fault, elapsed, rate: spent.rate(), spent: spent.words() };
         // Asked again, a finished run keeps its times.
         if iterations > first || !Session::any(out) {
             Session::log(out, first, iterations, elapsed.as_secs_f64(), &done.spent)?;
@@ -140,15 +143,21 @@ impl Spent {
         self.failed += line.failed;
     }
 
+    fn seconds(&self) -> f64 {
+        (self.rollout + self.update).max(1e-9)
+    }
+
+    fn rate(&self) -> Option<f64> {
+        (self.steps > 0.0).then(|| self.steps / self.seconds())
+    }
+
     /// In words: steps a second, and shares.
     fn words(&self) -> String {
-        if self.steps == 0.0 {
-            return "all iterations were done before; more --iterations continue".into();
-        }
-        let (all, whole) = ((self.rollout + self.update).max(1e-9), [("rollout", self.rollout), ("update", self.update)]);
+        let Some(rate) = self.rate() else { return "all iterations were done before; more --iterations continue".into() };
+        let (all, whole) = (self.seconds(), [("rollout", self.rollout), ("update", self.update)]);
         let parts = if self.parts.is_empty() { &whole[..] } else { &self.parts };
         let shares: Vec<String> = parts.iter().map(|(name, seconds)| format!("{name} {:.0} %", 100.0 * seconds / all)).collect();
-        format!("{:.0} steps/s: {}", self.steps / all, shares.join(", "))
+        format!("{rate:.0} steps/s: {}", shares.join(", "))
     }
 }
 

@@ -142,7 +142,7 @@ fn say(done: &Learned) {
         let first = done.fault.as_ref().map_or_else(String::new, |fault| format!("; the first: {fault}"));
         tell!("{} episodes ended because the solver could not go on with them{first}", done.failed);
     }
-    let rate = done.spent.split_once(" steps/s").map(|(rate, _)| rate);
+    let rate = done.rate.map(|rate| format!("{rate:.0}"));
     let cells = [done.title.clone(), or_dash(done.reward), done.iterations.to_string(), or_dash(rate), done.policy.display().to_string()];
     out::keep(&Table::new("policy", &["run", "reward", "iterations", "steps/s", "folder"]).with([cells.to_vec()]));
 }

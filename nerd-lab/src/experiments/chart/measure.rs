@@ -25,11 +25,6 @@ pub(super) fn all(plan: &Plan, most: usize) -> Result<(ChartData, Frames)> {
     let truth = truth.frames;
     let [reference_error, hold] = [&base.error, &base.hold].map(|x| mean(x));
     bounds::figures(&format!("{reference}: its mean error"), &[reference_error, hold])?;
-    #[cfg(feature = "cuda")]
-    if plan.environments.is_some() {
-        bar.say("kernels");
-        card::compile(&begun(plan), methods.iter().map(|method| &method.setting), protocol.held(system).as_ref());
-    }
     let mut points = Vec::new();
     for (k, method) in methods.iter().enumerate() {
         bar.set(k as u64 + 1);
@@ -73,8 +68,9 @@ fn each(
 ) -> Vec<(String, Result<Timed>)> {
     #[cfg(feature = "cuda")]
     if let Some(n) = plan.environments {
-        let Plan { system, protocol, .. } = plan;
-        let (begun, held) = (begun(plan), protocol.held(system));
+        let Plan { system, scene, protocol, .. } = plan;
+        let begun = crate::roll::begun(system, scene, protocol.starts, Start::Reset, protocol.seed);
+        let held = protocol.held(system);
         let timed = |precision| card::timed(&begun, setting, precision, [n, protocol.steps], held.as_ref(), compare);
         let one = |(precision, word): &(_, &str)| (format!("{series}{word}"), timed(*precision));
         return card::arithmetics(setting).iter().map(one).collect();
@@ -85,11 +81,6 @@ fn each(
         Ok((report, microseconds, None))
     });
     vec![(series.clone(), found)]
-}
-
-#[cfg(feature = "cuda")]
-fn begun(Plan { system, scene, protocol, .. }: &Plan) -> Batch {
-    crate::roll::begun(system, scene, protocol.starts, Start::Reset, protocol.seed)
 }
 
 fn recorded(plan: &Plan, truth: Box<dyn Solver>, idle: &[Vec<f64>]) -> Result<Frames> {
