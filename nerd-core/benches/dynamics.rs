@@ -34,10 +34,10 @@ fn dynamics(c: &mut Criterion) {
                 assert!(aba(&robot, black_box(&qd), black_box(&tau), &GRAVITY, &mut data));
             });
         });
-        // What was timed is right: both give the same accelerations.
+        // Check that the timed calls are right: both give the same accelerations.
         let difference = gap(&x, data.qdd.as_slice());
         assert!(difference < 1e-10, "{dofs} dof: the two differ by {difference:.1e}");
-        // And by the call that needs nothing before it.
+        // Also by the call that needs no stage before it.
         let velocity = LocalVelocity(qd);
         c.bench_function(&format!("forward_dynamics: {dofs} dof"), |b| {
             b.iter(|| data.forward_dynamics(&robot, black_box(&q), &velocity, black_box(&tau), &GRAVITY).map(|qdd| qdd[0]));

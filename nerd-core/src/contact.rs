@@ -8,30 +8,32 @@ use std::{f64::consts::TAU, sync::Arc};
 
 use nalgebra::{Matrix3, Rotation3, UnitVector3, Vector3};
 
-/// A place on a link at which contact is looked for: one point of its list, wherever on the link it lies now.
+/// One candidate contact point of a link. Depending on [`Locus`] it may move over the link from frame to frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ContactPoint {
     /// Index of the link.
     pub link: usize,
-    /// Position in the link frame (m); of a point that moves over its link, the middle of where it may be.
+    /// Position in the link frame (m); for a moving point, the middle of the region it moves in.
     pub local: Vector3<f64>,
     /// Radius of the surface around it (m) in the contact law.
     pub radius: f64,
     /// Contact thickness (m), which sets the mask.
     pub thickness: f64,
-    /// Where it may be.
+    /// The region that the point moves in.
     pub locus: Locus,
+    /// Index into the contact-property table of the robot's file, if the file has one.
+    pub surface: Option<usize>,
 }
 
-/// Where on its link a contact point may be. It lies where it faces the surface that it meets.
+/// The region of its link in which a contact point may lie. The point lies where the region faces the surface that it meets.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Locus {
     /// At `local`.
     Fixed,
-    /// On the rim of a disc about `local`: at its deepest place, turned about the axis.
+    /// On the rim of a disc about `local`: the rim's deepest point, rotated by an angle about the axis.
     ///
-    /// A disc has three such points, turned by 0 and by a third of a turn either way. So a can that stands has the same stiffness in all
-    /// directions, `sum r r^T = 3/2 R^2`, wherever the first one lies; and the outer two, which have the same gap, do no work by moving.
+    /// A disc has three such points, at angles 0 and +-120 degrees. So a standing can has the same stiffness in all directions, `sum r r^T
+    /// = 3/2 R^2`, wherever the first point lies. The outer two have equal gaps, so their movement along the rim does no work.
     Rim {
         /// Axis, link frame.
         axis: UnitVector3<f64>,
@@ -40,22 +42,22 @@ pub enum Locus {
         /// Angle from the deepest place (rad).
         turn: f64,
     },
-    /// At the deepest of some vertices, so that its gap is a continuous function of the pose.
+    /// The deepest of several vertices, so that the gap is a continuous function of the pose.
     Hull {
         /// The vertices (m, link frame).
         vertices: Arc<[Vector3<f64>]>,
-        /// How far they are from their middle at most (m).
+        /// Largest distance of a vertex from their middle (m).
         reach: f64,
     },
 }
 
-/// Below this sine between a disc's axis and a normal all its rim is as deep.
+/// Below this sine between a disc's axis and the normal, the whole rim counts as equally deep.
 const FLAT: f64 = 1e-9;
 
 impl ContactPoint {
     /// A fixed point.
     pub fn new(link: usize, local: Vector3<f64>, radius: f64) -> Self {
-        Self { link, local, radius, thickness: radius, locus: Locus::Fixed }
+        Self { link, local, radius, thickness: radius, locus: Locus::Fixed, surface: None }
     }
 
     /// The three points of a disc: its centre (m) and axis in the link frame, its radius `rim` (m), the radius of its edge (m).
@@ -71,13 +73,18 @@ impl ContactPoint {
         Self { locus: Locus::Hull { vertices, reach }, ..Self::new(link, middle, radius) }
     }
 
+    /// The same point with the contact properties at this index.
+    pub fn on(self, surface: Option<usize>) -> Self {
+        Self { surface, ..self }
+    }
+
     /// Distance beyond which a contact is masked, `xi = max(4 thickness, 0.1)` m (paper A.1).
     pub fn threshold(&self) -> f64 {
         (4.0 * self.thickness).max(0.1)
     }
 
-    /// Where it is in its link's frame (m) when it faces a surface of outward unit `normal`; the link's `rotation` takes vectors to
-    /// the axes of the normal.
+    /// Position in the link frame (m) when the point faces a surface of outward unit `normal`. The link's `rotation` takes vectors to the
+    /// axes of the normal.
     #[inline(always)]
     pub fn facing(&self, rotation: &Matrix3<f64>, normal: &Vector3<f64>) -> Vector3<f64> {
         match &self.locus {
@@ -86,14 +93,14 @@ impl ContactPoint {
         }
     }
 
-    /// The deepest place of its disc or hull, from which its distance to a surface is found.
+    /// The deepest position on its disc or hull, from which its distance to a surface is found.
     pub fn deepest(&self, rotation: &Matrix3<f64>, normal: &Vector3<f64>) -> Vector3<f64> {
         self.locus.facing(&self.local, &rotation.tr_mul(normal), false)
     }
 
-    /// How fast (m/s, axes of the normal) its place runs round the rim of a disc that faces `normal` while its link turns at `spin` (rad/s):
-    /// `-R t_dot` with `t = s / |s|`, `s = n - (n . a) a`, `a_dot = w x a`. Where all of the rim is as deep it may run at any speed; of that
-    /// no more than a radian in `time` (s) is counted.
+    /// Velocity (m/s, axes of the normal) of the point along the rim of a disc that faces `normal` while its link has angular velocity
+    /// `spin` (rad/s): `-R t_dot` with `t = s / |s|`, `s = n - (n . a) a`, `a_dot = w x a`. Where the whole rim is equally deep this
+    /// velocity is unbounded; it is limited to one radian per `time` (s).
     pub fn runs(&self, rotation: &Matrix3<f64>, normal: &Vector3<f64>, spin: &Vector3<f64>, time: f64) -> Vector3<f64> {
         let Locus::Rim { axis, radius, turn } = &self.locus else { return Vector3::zeros() };
         let axis = rotation * axis.as_ref();
@@ -110,7 +117,7 @@ impl ContactPoint {
         -(up_rate * cos + (axis_rate.cross(&up) + axis.cross(&up_rate)) * sin) * *radius
     }
 
-    /// How far it may be from `local` (m).
+    /// Largest distance from `local` (m).
     pub fn reach(&self) -> f64 {
         match &self.locus {
             Locus::Fixed => 0.0,
@@ -118,7 +125,7 @@ impl ContactPoint {
         }
     }
 
-    /// Places (m, link frame) between which it may be: of a disc twelve on its rim.
+    /// Positions (m, link frame) that enclose the region; for a disc, twelve on its rim.
     pub fn places(&self) -> Vec<Vector3<f64>> {
         match &self.locus {
             Locus::Fixed => vec![self.local],
@@ -130,7 +137,7 @@ impl ContactPoint {
         }
     }
 
-    /// The same on a link `factor` times as large.
+    /// The same point on a link `factor` times as large.
     pub fn scaled(&self, factor: f64) -> Self {
         let locus = match &self.locus {
             Locus::Fixed => Locus::Fixed,
@@ -144,13 +151,13 @@ impl ContactPoint {
 }
 
 impl Locus {
-    /// Whether it is one place of the link.
+    /// Whether it is fixed on the link.
     #[inline(always)]
     pub fn is_fixed(&self) -> bool {
         matches!(self, Self::Fixed)
     }
 
-    /// `normal` in the link frame; of a disc its own point, or the deepest one.
+    /// Point (link frame) that faces `normal`, given in the link frame too; on a disc its own point or, unless `own`, the deepest one.
     fn facing(&self, middle: &Vector3<f64>, normal: &Vector3<f64>, own: bool) -> Vector3<f64> {
         match self {
             Self::Fixed => *middle,
@@ -180,7 +187,7 @@ pub fn across(axis: &UnitVector3<f64>) -> Vector3<f64> {
     axis.cross(&Vector3::ith(axis.iamin(), 1.0)).normalize()
 }
 
-/// What the collision query says of one contact point; positions and normal in world axes.
+/// Result of the collision query for one contact point; positions and normal in world axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ContactEvent {
     /// The point on the robot (m).
@@ -196,7 +203,7 @@ pub struct ContactEvent {
 }
 
 impl ContactEvent {
-    /// No scene within reach.
+    /// The event when no scene is within reach.
     pub fn none(p0: Vector3<f64>) -> Self {
         Self { p0, p1: Vector3::zeros(), normal: Vector3::zeros(), distance: f64::INFINITY, collider: 0 }
     }

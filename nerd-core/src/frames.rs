@@ -21,7 +21,7 @@ pub fn own_velocity(state: &[f64], nq: usize) -> [Vector3<f64>; 2] {
     [r.inverse_transform_vector(&w), r.inverse_transform_vector(&(v - x.cross(&w)))]
 }
 
-/// The frame B: where the root is.
+/// The frame B, at the root's pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RootFrame {
     /// Origin x in the world (m).

@@ -155,6 +155,24 @@ impl BodyInertia {
     }
 }
 
+/// A mass (kg) at a place (m).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PointMass {
+    /// Mass (kg).
+    pub mass: f64,
+    /// Where it is (m).
+    pub at: Vector3<f64>,
+}
+
+impl PointMass {
+    /// One point mass in place of this and another: the sum, at their centre of mass.
+    pub fn with(&self, other: &Self) -> Self {
+        let mass = self.mass + other.mass;
+        let at = if mass == 0.0 { self.at } else { (self.at * self.mass + other.at * other.mass) / mass };
+        Self { mass, at }
+    }
+}
+
 /// `m (|c|^2 1 - c c^T)`: inertia of a point mass at `c`.
 #[inline]
 pub fn parallel_axis(mass: f64, c: &Vector3<f64>) -> Matrix3<f64> {

@@ -4,8 +4,8 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 use crate::robot::Robot;
 
-/// Wraps an angle to [-pi, pi), whole turns of `2.0 * PI` taken away without rounding. Not a number for what is not finite;
-/// an angle beyond 1e15 rad is in range, but its place in the turn was lost to rounding before it came here.
+/// Wraps an angle to [-pi, pi) by removing whole turns of `2.0 * PI` without rounding. NaN for an angle that is not finite. The result for
+/// an angle beyond 1e15 rad is in range, but rounding had already lost such an angle's place in its turn.
 #[inline]
 pub fn wrap(x: f64) -> f64 {
     use std::f64::consts::{PI, TAU};
@@ -32,9 +32,9 @@ pub fn wrap_state(robot: &Robot, state: &mut [f64]) {
     }
 }
 
-/// Coordinates `q` moved along a tangent `v` of `nv` numbers, those of a rate in the local form over one second
-/// ([`crate::dynamics::to_local`]): a floating root is turned by a rotation vector and moved in world axes (rad, m), joints are added to.
-/// Endless angles are kept in their range.
+/// Moves coordinates `q` along a tangent `v` of `nv` numbers: a velocity in the local form times one second
+/// ([`crate::dynamics::to_local`]). A floating root is rotated by a rotation vector and translated in world axes (rad, m); joints are added
+/// to. Endless angles are kept in their range.
 pub fn integrate(robot: &Robot, q: &[f64], v: &[f64], out: &mut [f64]) {
     out.copy_from_slice(q);
     if robot.floating() {

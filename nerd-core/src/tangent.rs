@@ -1,12 +1,12 @@
-//! The tangent space of a state `[q, qd]`, in which slopes are counted: `2 nv` numbers `[pose, velocities]`, each as in `qd`, angular part
-//! first. Those of a free root are a turn (rad), a way (m), an angular and a linear velocity of the root in **its own axes**:
-//! `R -> R exp(t)`, `x -> x + R d`, `a = R^-1 w`, `b = R^-1 x_dot`. Joints add.
+//! The tangent space of a state `[q, qd]`, in which gradients are expressed: `2 nv` numbers `[pose, velocities]`, each laid out as `qd`,
+//! angular part first. The numbers of a free root are a rotation vector (rad), a translation (m), an angular and a linear velocity of the
+//! root in **its own axes**: `R -> R exp(t)`, `x -> x + R d`, `a = R^-1 w`, `b = R^-1 x_dot`. Joints add.
 
 use nalgebra::Quaternion;
 
 use crate::{dynamics::onto, frames::own_velocity, prelude::*, state::wrap_state};
 
-/// Writes to `out` the state to which `change` leads from `state`; to first order in it the inverse of [`difference`].
+/// Writes to `out` the state at `change` from `state`; to first order the inverse of [`difference`].
 pub fn moved(robot: &Robot, state: &[f64], change: &[f64], out: &mut [f64]) {
     let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
     out.copy_from_slice(state);
@@ -28,8 +28,8 @@ pub fn moved(robot: &Robot, state: &[f64], change: &[f64], out: &mut [f64]) {
     wrap_state(robot, out);
 }
 
-/// How state `b` lies from `a`: `[pose, velocities]`, each as in `qd`; of a free root its turn (twice the vector part of `a^-1 b`, rad), its
-/// way (m), and its velocities in its own axes.
+/// Difference of state `b` from `a`: `[pose, velocities]`, each laid out as `qd`. For a free root its rotation (twice the vector part of
+/// `a^-1 b`, rad), its translation (m), and its velocities in its own axes.
 pub fn difference(robot: &Robot, a: &[f64], b: &[f64]) -> Vec<f64> {
     let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
     let mut out = vec![0.0; 2 * nv];
@@ -48,7 +48,7 @@ pub fn difference(robot: &Robot, a: &[f64], b: &[f64]) -> Vec<f64> {
     out
 }
 
-/// Adds to `slope`, by `b`, what comes of a gradient by its difference from `a`.
+/// Vector-Jacobian product of [`difference`] with respect to `b`, added to `slope`.
 pub fn difference_back(robot: &Robot, a: &[f64], b: &[f64], upstream: &[f64], slope: &mut [f64]) {
     let first = if robot.floating() { 6 } else { 0 };
     let nv = robot.nv();
@@ -63,8 +63,8 @@ pub fn difference_back(robot: &Robot, a: &[f64], b: &[f64], upstream: &[f64], sl
     }
 }
 
-/// Adds to `slope` what comes of gradients `by` the numbers of a state as they stand, `[q, qd]`, with
-/// `w = R a` and `v = R b + x cross w`.
+/// Adds to `slope` the tangent-space gradient that corresponds to gradients `by` with respect to the numbers `[q, qd]` of a state, with `w
+/// = R a` and `v = R b + x cross w`.
 pub fn numbers_back(robot: &Robot, state: &[f64], by: &[f64], slope: &mut [f64]) {
     let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
     for i in 0..nv - dofs {
@@ -81,8 +81,8 @@ pub fn numbers_back(robot: &Robot, state: &[f64], by: &[f64], slope: &mut [f64])
     }
 }
 
-/// The gradient by the numbers of a state as they stand, of what has this one in its tangent space: what [`numbers_back`] takes back to it.
-/// By a quaternion it is that of a function which does not ask for its length.
+/// The inverse of [`numbers_back`]: from a gradient in the tangent space to one with respect to the numbers `[q, qd]`. Its quaternion part
+/// is the gradient of a function that does not depend on the quaternion's length.
 pub fn by_numbers(robot: &Robot, state: &[f64], slope: &[f64]) -> Vec<f64> {
     let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
     let mut out = vec![0.0; nq + nv];
@@ -101,8 +101,8 @@ pub fn by_numbers(robot: &Robot, state: &[f64], slope: &[f64]) -> Vec<f64> {
     out
 }
 
-/// Adds to the `loads` on links, about the common origin, that of a force at a contact point. The rim of a disc turns about its axis, its
-/// deepest place does not.
+/// Adds the load of a force at a contact point to the `loads` on links, about the common origin. The rim of a disc rotates about its axis;
+/// its deepest point does not.
 pub fn push(data: &Data, point: &ContactPoint, event: &ContactEvent, force: Vector3<f64>, loads: &mut [Wrench]) {
     loads[point.link] += Wrench::force_at(force, &(event.p0 - data.origin));
     if let Locus::Rim { axis, .. } = &point.locus {
@@ -112,8 +112,8 @@ pub fn push(data: &Data, point: &ContactPoint, event: &ContactEvent, force: Vect
     }
 }
 
-/// Adds to `slope` what wrenches on links, about the common origin, do along each number of the pose; each takes those of the links that
-/// it carries.
+/// Adds `J^T` times the wrenches on links (about the common origin) to the pose part of `slope`. Each wrench becomes the sum over its
+/// subtree.
 pub fn wrenches_back(robot: &Robot, data: &Data, loads: &mut [Wrench], slope: &mut [f64]) {
     let mut along = vec![0.0; robot.nv()];
     onto(robot, data, loads, &mut along);
@@ -125,7 +125,7 @@ pub fn wrenches_back(robot: &Robot, data: &Data, loads: &mut [Wrench], slope: &m
     slope.iter_mut().zip(along).for_each(|(s, a)| *s += a);
 }
 
-/// The vector part of `a^-1 b`, and the sign by which that is the shorter way.
+/// The vector part of `a^-1 b`, and the sign that makes it the shorter rotation.
 fn turned(a: &[f64], b: &[f64]) -> (Vector3<f64>, f64) {
     let turn = quaternion(&a[3..7]).inverse() * quaternion(&b[3..7]);
     (turn.imag(), if turn.w < 0.0 { -1.0 } else { 1.0 })

@@ -3,7 +3,7 @@
 //! A state `[q, qd]` holds a [`SpatialTwist`]; the dynamics work on a [`LocalVelocity`]. They differ for a floating root alone:
 //!
 //! ```text
-//! SpatialTwist    (w, v, joint rates)        v = p_dot + p x w, the velocity of what is at the world's origin
+//! SpatialTwist    (w, v, joint rates)        v = p_dot + p x w, the velocity of the root's material at the world's origin
 //! LocalVelocity   (w, p_dot, joint rates)    the velocity of the root's own origin p
 //! ```
 //!
@@ -15,7 +15,7 @@ use crate::prelude::*;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpatialTwist<V>(pub V);
 
-/// Velocity in the form of the dynamics: a floating root's angular velocity and that of its origin, then the joints' rates.
+/// Velocity in the form of the dynamics: a floating root's angular velocity and its origin's velocity, then the joints' rates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LocalVelocity<V>(pub V);
 
@@ -41,7 +41,7 @@ impl<V: AsRef<[f64]>> SpatialTwist<V> {
 }
 
 impl<V: AsMut<[f64]>> SpatialTwist<V> {
-    /// Turned into the form of the dynamics in place, at coordinates `q`.
+    /// Converts to the form of the dynamics in place, at coordinates `q`.
     pub fn into_local(mut self, robot: &Robot, q: &[f64]) -> LocalVelocity<V> {
         to_local(robot, q, self.0.as_mut());
         LocalVelocity(self.0)
@@ -49,7 +49,7 @@ impl<V: AsMut<[f64]>> SpatialTwist<V> {
 }
 
 impl<V: AsMut<[f64]>> LocalVelocity<V> {
-    /// Turned into the form of a state in place, at coordinates `q`.
+    /// Converts to the form of a state in place, at coordinates `q`.
     pub fn into_twist(mut self, robot: &Robot, q: &[f64]) -> SpatialTwist<V> {
         to_world(robot, q, self.0.as_mut());
         SpatialTwist(self.0)
@@ -62,7 +62,7 @@ impl<V: AsMut<[f64]>> LocalVelocity<V> {
 }
 
 impl<V: AsRef<[f64]>> LocalVelocity<V> {
-    /// Moves a state on by `time` (s) at this velocity, which it then has. Endless angles are not wrapped.
+    /// Advances a state by `time` (s) at this velocity, which it then has. Endless angles are not wrapped.
     pub fn advance(&self, robot: &Robot, state: &mut [f64], time: f64) {
         let (own, (q, qd)) = (self.0.as_ref(), state.split_at_mut(robot.nq()));
         q[robot.root_coords()..].iter_mut().zip(&own[robot.root_dofs()..]).for_each(|(x, v)| *x += v * time);
@@ -77,7 +77,7 @@ impl<V: AsRef<[f64]>> LocalVelocity<V> {
     }
 }
 
-/// Turns a twist about the world's origin into the local form in place: `p_dot = v + w x p`.
+/// Converts a twist about the world's origin to the local form in place: `p_dot = v + w x p`.
 #[doc(hidden)]
 #[inline]
 pub fn to_local(robot: &Robot, q: &[f64], qd: &mut [f64]) {

@@ -11,7 +11,7 @@ use std::f64::consts::{PI, TAU};
 use common::*;
 use nerd_core::state::wrap_state;
 
-/// What is at the world's origin moves with the twist, the root's own origin with the local velocity.
+/// The root's material at the world's origin moves with the twist, the root's own origin with the local velocity.
 #[test]
 fn the_two_forms_of_a_velocity_are_one_motion() {
     for (robot, mut rng) in robots() {
@@ -24,7 +24,7 @@ fn the_two_forms_of_a_velocity_are_one_motion() {
             assert!((a.ang - b.ang).norm() == 0.0 && (a.at(&vector(&q)) - b.lin).norm() < 1e-14, "{a:?} and {b:?} are two motions");
         }
         assert!(gap(&twist.to_local(&robot, &q).0, &local.0) < 1e-15, "there and back");
-        // A second of it is a turn and a way of a second.
+        // One second at this velocity rotates and translates by it.
         let mut there = x.clone();
         local.advance(&robot, &mut there, 1.0);
         let mut way = vec![0.0; robot.nv()];
@@ -97,7 +97,7 @@ fn moving_and_turning_the_world_changes_nothing() {
     }
 }
 
-/// A joint whose frame is changed moves as one made so does.
+/// A joint whose frame is changed moves like a joint created with that frame.
 #[test]
 fn a_joint_that_is_changed_is_the_joint_made_so() {
     for (robot, mut rng) in robots() {
@@ -113,7 +113,7 @@ fn a_joint_that_is_changed_is_the_joint_made_so() {
     }
 }
 
-/// UR arms have limits of two turns either way: a position beyond half a turn is where it is.
+/// UR arms have limits of two turns either way: a position beyond half a turn is kept.
 #[test]
 fn joints_with_limits_never_wrap() {
     let wide = Some(Limit { lower: -6.3, upper: 6.3, stiffness: 1e3, damping: 1.0 });

@@ -1,4 +1,4 @@
-//! Libraries beside this one on the same GPU, whose streams go by turns with a device's own.
+//! Sharing a GPU with other libraries: their streams and a device's own wait for each other.
 
 use std::sync::Arc;
 
@@ -19,26 +19,26 @@ impl Device {
 }
 
 impl Beside {
-    /// Which GPU it is on, counted from 0.
+    /// Ordinal of its GPU, from 0.
     pub fn ordinal(&self) -> usize {
         self.0.context().ordinal()
     }
 
-    /// The driver's handle of it, with which another library makes it wait.
+    /// The driver's handle of the stream, for another library to wait on.
     pub fn handle(&self) -> usize {
         self.0.cu_stream() as usize
     }
 
-    /// Waits for what is given to it until now.
+    /// Waits for the work given to it so far.
     pub fn wait(&self) -> Result<(), DeviceError> {
         self.0.synchronize().map_err(failed("the device stopped"))
     }
 
-    /// Lets the stream of this handle, another library's, go on only after what is given to this one until now. 1 is the driver's default
-    /// stream, 2 that of a thread.
+    /// Makes another library's stream, by its handle, wait for the work given to this one so far. Handle 1 is the driver's default stream,
+    /// 2 the per-thread default stream.
     pub fn lead(&self, theirs: usize) -> Result<(), DeviceError> {
         let event = self.0.record_event(None).map_err(failed("event"))?;
-        // SAFETY: both are of the driver; a handle that is none is an error of its.
+        // SAFETY: both are the driver's; it returns an error for an invalid handle.
         unsafe { result::stream::wait_event(theirs as sys::CUstream, event.cu_event(), sys::CUevent_wait_flags::CU_EVENT_WAIT_DEFAULT) }
             .map_err(failed("another library's stream"))
     }

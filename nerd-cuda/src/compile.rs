@@ -7,18 +7,18 @@ use cudarc::nvrtc::{self, CompileOptions, Ptx};
 
 use crate::error::DeviceError;
 
-/// The machine code's text of a source for a compute capability. What this process has compiled before is not compiled again.
+/// PTX of a source for a compute capability. Each pair is compiled once per process.
 pub(crate) fn compiled(source: &str, capability: (i32, i32)) -> Result<Ptx, DeviceError> {
     type Cache = Mutex<HashMap<((i32, i32), String), Arc<Mutex<Option<Ptx>>>>>;
     static CACHE: LazyLock<Cache> = LazyLock::new(Cache::default);
     let entry = CACHE.lock().unwrap_or_else(|lost| lost.into_inner()).entry((capability, source.into())).or_default().clone();
-    // Held while it compiles, so that threads which want the same wait for it.
+    // Locked during compilation, so that threads which want the same source wait for it.
     let mut own = entry.lock().unwrap_or_else(|lost| lost.into_inner());
     if let Some(ptx) = &*own {
         return Ok(ptx.clone());
     }
     let architecture = format!("--gpu-architecture=compute_{}{}", capability.0, capability.1);
-    // Lambdas bear no word for where they run: NVRTC 13.0 takes them for the host's, which it refuses, 13.5 does not.
+    // Lambdas cannot be marked `__device__`: NVRTC 13.0 takes them for host code, which it refuses; 13.5 does not.
     let options = CompileOptions { options: vec![architecture, "--device-as-default-execution-space".into()], ..Default::default() };
     let ptx = nvrtc::compile_ptx_with_opts(source, options).map_err(|e| DeviceError(refusal(&format!("{e:?}"))))?;
     Ok(own.insert(ptx).clone())

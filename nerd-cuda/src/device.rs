@@ -13,15 +13,15 @@ use crate::{compile::compiled, precision::Precision};
 /// Bytes cuBLAS may use per stream; fixed, so that it always chooses the same algorithms.
 const WORKSPACE: usize = 32 << 20;
 
-/// Shared bytes that a kernel has without asking.
+/// Shared bytes that a kernel may use without opting in.
 const UNASKED: usize = 48 << 10;
 
 /// Which of the two streams.
 #[derive(Clone, Copy)]
 pub enum Lane {
-    /// The one that all else runs on.
+    /// The main stream, for all other work.
     Main,
-    /// Beside it.
+    /// A second stream, concurrent with it.
     Side,
 }
 
@@ -45,7 +45,7 @@ pub enum Arg {
 
 struct Queue {
     stream: Arc<CudaStream>,
-    /// Of a device that multiplies matrices, with its workspace.
+    /// cuBLAS with its workspace, for a device that multiplies matrices.
     blas: Option<(CudaBlas, Buffer<u8>)>,
 }
 
@@ -57,7 +57,7 @@ pub struct Device {
     pub(crate) precision: Precision,
 }
 
-/// A text that compiles; waits for its end when dropped, since no process may end within the compiler.
+/// A source being compiled. Dropping it waits for the end, since no process may exit within the compiler.
 pub struct Foreseen(Option<JoinHandle<bool>>);
 
 impl Drop for Foreseen {
@@ -67,7 +67,8 @@ impl Drop for Foreseen {
 }
 
 impl Device {
-    /// Opens the first GPU that is seen (`CUDA_VISIBLE_DEVICES` chooses another), and compiles `source`. It cannot multiply matrices yet: [`Device::with_products`].
+    /// Opens the first visible GPU (`CUDA_VISIBLE_DEVICES` selects it), and compiles `source`. It cannot multiply matrices yet:
+    /// [`Device::with_products`].
     pub fn open(source: &str, kernels: &[&'static str]) -> Result<Self, DeviceError> {
         // cudarc panics when a library is absent, so look first.
         present("driver (libcuda)", unsafe { sys::is_culib_present() })?;
@@ -90,10 +91,10 @@ impl Device {
         Ok(())
     }
 
-    /// Begins to compile, beside what its thread goes on with, a text that a device like this will soon be opened with. That tells of failures.
+    /// Starts to compile, on another thread, a source with which a device like this will soon be opened. Opening it reports any failure.
     pub fn foresee(&self, source: &str) -> Result<Foreseen, DeviceError> {
         let (capability, source) = (self.capability()?, source.to_string());
-        Ok(Foreseen(Some(std::thread::spawn(move || compiled(&source, capability).is_ok()))))
+        Ok(Foreseen(std::thread::Builder::new().spawn(move || compiled(&source, capability).is_ok()).ok()))
     }
 
     /// Its compute capability, major and minor.
@@ -123,8 +124,8 @@ impl Device {
         Ok(self)
     }
 
-    /// Gives all work from here on to the streams of another device, which is on the same GPU and multiplies matrices if this one does: it is
-    /// done in the order of theirs.
+    /// Gives all further work to the streams of another device, in the order of those streams. The other device is on the same GPU and
+    /// multiplies matrices if this one does.
     pub fn join(&self, other: &Self) -> Result<(), DeviceError> {
         self.wait()?;
         let theirs = other.queues.borrow().clone();
@@ -156,7 +157,7 @@ impl Device {
             return Ok(());
         }
         self.wait()?;
-        // In the stream's order, and to its end: a copy of its own from memory that may be paged comes back before all of it is there.
+        // In stream order, and completed: a direct copy from pageable memory may return before all of it is there.
         let stream = self.stream(Lane::Main);
         self.bind()?;
         unsafe { driver::result::memcpy_htod_async(buffer.at(first), values, stream.cu_stream()) }.map_err(failed("copy to the device"))?;
@@ -198,12 +199,12 @@ impl Device {
         event.record(&self.stream(lane)).map_err(failed("event"))
     }
 
-    /// Lets `lane` go on only after what `event` marks.
+    /// Makes `lane` wait for the work that `event` marks.
     pub fn after(&self, lane: Lane, event: &CudaEvent) -> Result<(), DeviceError> {
         self.stream(lane).wait(event).map_err(failed("event"))
     }
 
-    /// Records what `work` gives to the streams as one graph.
+    /// Records the work that `work` gives to the streams as one graph.
     pub(crate) fn capture<E: From<DeviceError>>(&self, work: impl FnOnce() -> Result<(), E>) -> Result<CudaGraph, E> {
         let stream = self.stream(Lane::Main);
         stream.begin_capture(sys::CUstreamCaptureMode::CU_STREAM_CAPTURE_MODE_RELAXED).map_err(failed("graph capture"))?;
@@ -249,7 +250,7 @@ impl Device {
         self.queues.borrow()[lane as usize].blas.as_ref().map(|(blas, _)| *blas.handle()).ok_or_else(missing)
     }
 
-    /// Whether what is given to the main stream is recorded, not done.
+    /// Whether work given to the main stream is being captured instead of run.
     pub(crate) fn captures(&self) -> Result<bool, DeviceError> {
         let status = self.stream(Lane::Main).capture_status().map_err(failed("graph capture"))?;
         Ok(status != sys::CUstreamCaptureStatus::CU_STREAM_CAPTURE_STATUS_NONE)

@@ -7,16 +7,16 @@ use cudarc::driver::CudaGraph;
 use crate::device::{Device, Lane};
 use crate::error::{DeviceError, failed};
 
-/// Work that runs kernel by kernel at its first call, is captured there, and is one graph from the second call on. What it reads and writes
-/// must stay where it is as long as its key is the same. Within the capture of other work it is a part of that.
+/// Work that runs kernel by kernel at its first call, is captured there, and is one graph from the second call on. The memory it reads and
+/// writes must stay in place as long as its key is the same. Within the capture of other work it becomes part of that graph.
 pub struct Replay<K = ()> {
-    /// With the stream that each is launched on.
+    /// Key, stream on which the graph is launched, graph.
     graphs: RefCell<Vec<(K, usize, CudaGraph)>>,
     most: usize,
 }
 
-// SAFETY: the driver wants graphs never used by two threads at once, and says nothing against another thread at another time.
-// This type is not `Sync`, so one thread has it at a time; launching binds the context to the thread that calls.
+// SAFETY: the driver forbids using a graph from two threads at once, but allows another thread at another time. This type is not `Sync`, so
+// one thread has it at a time; launching binds the context to the calling thread.
 unsafe impl<K: Send> Send for Replay<K> {}
 
 impl<K> Default for Replay<K> {
@@ -26,14 +26,14 @@ impl<K> Default for Replay<K> {
 }
 
 impl<K> Replay<K> {
-    /// Keeps the graphs of so many keys, the last ones.
+    /// Keeps the graphs of the last `most` keys.
     pub fn keeping(most: usize) -> Self {
         Self { graphs: RefCell::default(), most }
     }
 }
 
 impl<K: PartialEq> Replay<K> {
-    /// Does `work`, which is the same as long as `key` is; `what` names it in an error.
+    /// Runs `work`, which must be the same for the same `key`; `what` names it in an error.
     pub fn run<E: From<DeviceError>>(
         &self,
         device: &Device,
@@ -48,7 +48,7 @@ impl<K: PartialEq> Replay<K> {
         if let Some((.., graph)) = self.graphs.borrow().iter().find(|(made_for, on, _)| *made_for == key && *on == stream) {
             return Ok(graph.launch().map_err(failed(what))?);
         }
-        // Once outside of a capture, so that libraries have loaded what they load at their first call.
+        // Once outside of a capture, so that libraries finish their lazy loading.
         work()?;
         device.wait()?;
         let graph = device.capture(work)?;

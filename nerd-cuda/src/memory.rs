@@ -18,7 +18,7 @@ pub struct Buffer<T> {
 
 impl<T> Drop for Buffer<T> {
     fn drop(&mut self) {
-        // Binding reports what failed before, too, and that keeps nothing from being freed.
+        // Binding also reports earlier failures, which must not prevent freeing.
         let bound = self.context.bind_to_thread();
         let freed = unsafe { driver::result::free_sync(self.ptr) };
         self.context.record_err(bound.and(freed));

@@ -5,7 +5,8 @@
 pub enum Precision {
     /// f32 throughout.
     F32,
-    /// Operands rounded to f16 (10-bit mantissa) where one kernel computes a network whole, whose large matrices f16 holds; f32 elsewhere.
+    /// Operands rounded to f16 (10-bit mantissa) where one fused kernel evaluates the network and f16 holds its large matrices; f32
+    /// elsewhere.
     F16,
     /// Operands rounded to TF32 (10-bit mantissa) on tensor cores, f32 sums.
     #[default]

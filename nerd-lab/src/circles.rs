@@ -13,7 +13,7 @@ use crate::report::below;
 
 /// Re-exports that are followed at most.
 const DEEP: usize = 20;
-/// Words before the name of what a module defines.
+/// Keywords before the name of an item that a module defines.
 const DEFINE: [&str; 8] = ["const", "enum", "fn", "static", "struct", "trait", "type", "mod"];
 
 /// A file as a module, or a module in a file. A name may mean several things: a module and a function, say.

@@ -2,7 +2,7 @@
 
 use crate::prelude::*;
 
-/// Of reading or writing a file, or of what it holds, with its name; for `map_err`.
+/// Adds a file's name to an error of reading, writing or parsing it; for `map_err`.
 pub(crate) fn file<E: std::fmt::Display>(path: &Path) -> impl Fn(E) -> Error + '_ {
     move |reason| Error::msg(format!("{}: {reason}", path.display()))
 }

@@ -5,6 +5,7 @@
 #[macro_use(tell)]
 extern crate nerd_train;
 
+pub mod campaign;
 pub mod choice;
 pub mod circles;
 pub mod error;

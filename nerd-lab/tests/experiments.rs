@@ -19,7 +19,7 @@ use nerd_train::settings::Settings;
 #[path = "../../nerd-model/tests/common/mod.rs"]
 mod models;
 
-/// The one line of what was refused.
+/// The one-line message of a refusal.
 fn refusal<T>(done: anyhow::Result<T>) -> String {
     let words = done.err().map(|e| e.to_string()).unwrap_or_default();
     assert!(!words.is_empty() && !words.contains('\n'), "`{words}` is not one line");
@@ -372,7 +372,7 @@ fn a_policy_is_played_on_robots_of_a_family() {
     }
 }
 
-/// The scene of such a task is none of its robot's.
+/// The scene of such a task is not one of its robot's scenes.
 #[test]
 fn games_on_a_terrain_of_a_task_say_what_they_depend_on() {
     let mut inputs = Inputs::default();

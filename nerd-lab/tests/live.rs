@@ -305,3 +305,62 @@ fn a_menu_leads_from_robot_to_policy_to_a_thousand() {
     steps(&mut world, 1);
     assert_eq!(world.shown().apart, Some(0.0), "the first of {MOST} under the truth is where its ghost is");
 }
+
+/// As many as fill what a process may open, silent ones and such as say half of something: who comes then is answered, and who comes after.
+#[test]
+fn a_page_answers_beside_more_connections_than_it_bears() {
+    let (_live, address, host) = served(ant());
+    let mut all = Vec::new();
+    for k in 0..1500 {
+        // This process may open no more than that either.
+        let Ok(mut stream) = TcpStream::connect(&host) else { break };
+        if k % 3 == 0 {
+            let _ = stream.write_all(b"POST /ask HTTP/1.1\r\nHost: ");
+        }
+        all.push(stream);
+        if k % 250 == 0 {
+            assert!(frame(&get(&address, "/state", &host)).is_some(), "beside {k} connections nobody is answered");
+        }
+    }
+    // Room for one's own.
+    all.truncate(all.len() - 10);
+    let ask = || frame(&get(&address, "/state", &host));
+    let begun = Instant::now();
+    while ask().is_none() {
+        assert!(begun.elapsed() < Duration::from_secs(10), "beside {} connections nobody is answered", all.len());
+    }
+    let n = all.len();
+    drop(all);
+    assert!(n > 400 && ask().is_some(), "after {n} connections nobody is answered");
+}
+
+#[test]
+fn a_request_that_does_not_come_to_its_end_is_hung_up_on() {
+    let (_live, _, host) = served(ant());
+    let mut stream = TcpStream::connect(&host).expect("a connection");
+    let began = Instant::now();
+    stream.set_read_timeout(Some(Duration::from_secs(30))).expect("a limit");
+    // A letter a second keeps nothing open.
+    let mut answer = [0; 16];
+    let end = (0..30).find_map(|_| {
+        let _ = stream.write_all(b"G");
+        stream.set_read_timeout(Some(Duration::from_millis(500))).expect("a limit");
+        match stream.read(&mut answer) {
+            Err(e) if matches!(e.kind(), std::io::ErrorKind::WouldBlock | std::io::ErrorKind::TimedOut) => None,
+            _ => Some(began.elapsed()),
+        }
+    });
+    let end = end.expect("it is still open").as_secs_f64();
+    assert!((4.0..9.0).contains(&end), "it was hung up on after {end:.1} s, 5 s are borne");
+}
+
+#[test]
+fn a_host_is_known_with_its_port_and_without() {
+    let (_live, address, host) = served(ant());
+    for (name, code) in
+        [(host.as_str(), 200), ("127.0.0.1", 200), ("localhost", 200), ("localhost:80", 200), ("127.0.0.1.evil.example", 403), ("", 403)]
+    {
+        let answer = get(&address, "/state", name);
+        assert!(answer.starts_with(&format!("HTTP/1.1 {code}")), "host `{name}`: {answer:.60}");
+    }
+}

@@ -3,18 +3,24 @@
 
 use std::path::{Path, PathBuf};
 
-use nerd_lab::mujoco::player::{self, Gaps};
-use nerd_lab::mujoco::{Referee, Scheme, apart, from_mujoco, to_mujoco};
+use nerd_lab::experiments::{Experiment, carried::Carried};
+use nerd_lab::mujoco::player::{self, Gaps, Model, Played};
+use nerd_lab::mujoco::{Referee, Scheme, apart, compare, from_mujoco, to_mujoco};
 use nerd_sim::{mjcf::mjcf, prelude::*};
 use nerd_tasks::named;
 use nerd_train::onnx::export;
-use nerd_train::ppo::{Arena, Policy, PpoConfig, Shape};
+use nerd_train::ppo::{Arena, Policy, PolicyRun, PpoConfig, Shape};
 
 /// A robot and one of its scenes.
 fn place(robot: &str, scene: &str) -> (Arc<System>, Arc<Scene>) {
     let system = System::named(robot).expect("built in");
     let scene = system.scene(scene).expect("scene");
     (system, scene)
+}
+
+/// The robot of a file.
+fn read(path: &Path) -> Arc<System> {
+    System::named(&path.display().to_string()).expect("a robot")
 }
 
 fn python() -> Option<PathBuf> {
@@ -155,12 +161,69 @@ fn a_file_accelerates_as_mujoco_reads_it() {
             r#"<mujoco>{settings}<worldbody><body name="root">{root}<geom size=".2"/>{body}</body></worldbody>{equality}</mujoco>"#
         );
         std::fs::write(&path, text).expect("a file");
-        let gap = apart(&python, &path, 100).expect("read by both");
+        let gap = apart(&python, &path, &read(&path), 100).expect("read by both");
         assert!(gap < 1e-9, "{root}: accelerations are {gap:.1e} from MuJoCo's");
     }
     for name in ["ant", "anymal", "cube"] {
-        let gap = apart(&python, &Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../nerd-sim/assets/{name}.urdf")), 100);
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("../nerd-sim/assets/{name}.urdf"));
+        let gap = apart(&python, &path, &read(&path), 100);
         assert!(*gap.as_ref().expect("read by both") < 1e-9, "{name}: accelerations are {gap:?} from MuJoCo's");
+    }
+}
+
+/// A weight that its bearings hold up: rounding is no difference of accelerations.
+#[test]
+fn where_nothing_accelerates_the_difference_itself_counts() {
+    let Some(python) = python() else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("cart.xml");
+    let joints = r#"<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/><joint axis="0 0 1"/>"#;
+    let text = format!(r#"<mujoco><worldbody><body>{joints}<geom size=".1" mass="60" pos="0 0 .035"/></body></worldbody></mujoco>"#);
+    std::fs::write(&path, text).expect("a file");
+    let gap = apart(&python, &path, &read(&path), 100).expect("read by both");
+    assert!(gap < 1e-9, "accelerations of nothing are {gap:.1e} (m/s^2, rad/s^2) from MuJoCo's");
+}
+
+/// A foot by priority, shins by their own pair, links that pass each other and the floor: as in MuJoCo. And what is something else is named.
+#[test]
+fn masses_and_contact_are_those_of_mujocos_compiler() {
+    let Some(python) = python() else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = |name: &str, [friction, mass, affinity, margin]: [&str; 4]| {
+        let leg = |k: usize| {
+            format!(
+                r#"<body name="thigh{k}" pos="{k} 0 0"><joint name="hip{k}"/><geom size=".1" mass="{mass}" pos="0 0 -.2" margin="{margin}"/>
+                <body name="shin{k}" pos="0 0 -.4"><joint name="knee{k}"/><geom name="shin{k}" size=".1" conaffinity="{affinity}"/>
+                <geom name="foot{k}" size=".05" pos="0 0 -.3" priority="1" condim="6" conaffinity="3" friction="{friction} .02 .001"/></body></body>"#
+            )
+        };
+        let legs = [0, 1].map(leg).concat();
+        let contact = r#"<contact><exclude body1="thigh0" body2="thigh1"/><pair geom1="shin0" geom2="shin1" condim="4" friction=".3 .3 .2"/></contact>"#;
+        let world =
+            r#"<geom name="floor" type="plane" size="1 1 1" contype="2" conaffinity="0"/><geom type="box" size=".1 .1 .1" pos="3 0 0"/>"#;
+        let text = format!(
+            r#"<mujoco><worldbody>{world}<body name="trunk"><freejoint/><geom size=".2"/>{legs}</body></worldbody>{contact}</mujoco>"#
+        );
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).expect("a file");
+        path
+    };
+    let usual = [".4", "2", "1", ".01"];
+    let path = file("robot.xml", usual);
+    let same = compare(&python, &path, &read(&path)).expect("read by both");
+    // Feet meet the floor, all seven geoms that move the box, and each other but for two on one shin, six on neighbours, two kept apart.
+    assert_eq!(same.differences, [""; 0], "{} bodies, {} pairs", same.bodies, same.pairs);
+    assert_eq!([same.bodies, same.pairs], [5, 2 + 7 + 12], "moving bodies and pairs that touch");
+    for (k, value, what) in [
+        (0, ".8", "friction 0.800 here, 0.400 in MuJoCo"),
+        (1, "3", "mass of `thigh0`: 3.00 kg here, 2.00 in MuJoCo"),
+        (2, "3", "touch here, not in MuJoCo"),
+        (3, "0", "margin 0 here, 0.0100 in MuJoCo"),
+    ] {
+        let mut other = usual;
+        other[k] = value;
+        let found = compare(&python, &path, &read(&file("other.xml", other))).expect("read by both").differences;
+        assert!(found.first().is_some_and(|first| first.contains(what)), "{what}: {found:?}");
     }
 }
 
@@ -182,7 +245,8 @@ fn an_exported_policy_is_played_by_its_contract_alone() {
         let policy = Policy::new(Shape::of(&*task, &ppo), &mut stream(5, 0));
         let contract = export(&policy, &*task, &out).expect("written");
         let games = |python: &Path| {
-            player::play(python, &out, &contract, &policy, Arena::Truth(Truth::Articulated).episodes(name, 2, 3).expect("episodes"))
+            let episodes = Arena::Truth(Truth::Articulated).episodes(name, 2, 3).expect("episodes");
+            player::play(python, Model::Ours, &out, &contract, &policy, episodes)
         };
         let refused = games(Path::new("/bin/true")).expect_err("no MuJoCo").to_string();
         assert!(refused.contains(said) && !refused.contains('\n'), "{refused}");
@@ -191,5 +255,98 @@ fn an_exported_policy_is_played_by_its_contract_alone() {
         assert_eq!(played.games.len(), 2);
         let Gaps { observation, action, torque } = played.apart;
         assert!(observation < 1e-9 && action < 1e-4 && torque < 1e-4, "{name}: {:?}", played.apart);
+    }
+}
+
+/// A crate with a wheel in it on a floor, both of friction 0.1, under gravity that leans by 20 degrees; and what drives the wheel.
+fn crate_file(floor: &str, joint: &str, actuator: &str) -> String {
+    format!(
+        r#"<mujoco><option timestep="0.003" gravity="3.355 0 -9.218"/><worldbody>{floor}<body name="crate" pos="0 0 .05"><freejoint/>
+        <geom type="box" size=".1 .1 .05" mass="4" friction=".1"/><body name="wheel"><joint {joint} axis="0 0 1" armature=".01"/>
+        <geom size=".03" mass=".1" contype="0" conaffinity="0"/></body></body></worldbody><actuator>{actuator}</actuator></mujoco>"#
+    )
+}
+
+const FLOOR: &str = r#"<geom type="plane" size="0 0 1" friction=".1"/>"#;
+const CRATE: &str = "steps = 60\nobservation = ['q', 'qd', 'time']\nreward = 'world_velocity[0]'\n";
+
+/// Plays a policy of random weights by a robot's own file.
+fn by_file(python: &Path, file: &str, task: &str) -> anyhow::Result<Played> {
+    let folder = tempfile::tempdir()?;
+    let [path, text, out] = ["r.xml", "task.toml", "policy.onnx"].map(|name| folder.path().join(name));
+    std::fs::write(&path, file)?;
+    std::fs::write(&text, task)?;
+    let name = format!("{}@{}", text.display(), path.display());
+    let task = named(&name)?;
+    let policy = Policy::new(Shape::of(&*task, &PpoConfig::default()), &mut stream(5, 0));
+    let contract = export(&policy, &*task, &out)?;
+    player::play(python, Model::File(&path), &out, &contract, &policy, Arena::Truth(Truth::Articulated).episodes(&name, 2, 3)?)
+}
+
+/// It slides at (g sin - mu g cos) t from the start on, however high that was, by steps of the file that end with no frame; a joint without a
+/// name gets torques, and one with a position actuator of the same gains targets.
+#[test]
+fn a_policy_is_played_with_the_settings_of_the_file() {
+    let Some(python) = python() else { return };
+    let servo = r#"<position joint="turn" kp="5" kv="1" gear="2"/>"#;
+    for (joint, actuator, control) in [("", "", "torques"), ("name=\"turn\"", servo, "position actuators")] {
+        let played = by_file(&python, &crate_file(FLOOR, joint, actuator), CRATE).unwrap_or_else(|e| panic!("{control}: {e}"));
+        let (settings, Gaps { observation, action, torque }) = (&played.settings, played.apart);
+        assert_eq!((settings.timestep, &*settings.control, &*settings.cone), (0.003, control, "pyramidal"));
+        assert_eq!(settings.friction, [[0.1, 0.1]]);
+        assert!(observation < 1e-9 && action < 1e-4 && torque < 1e-4, "{control}: {:?}", played.apart);
+        // Over steps k of 1/60 s the sum of a k / 60 is a 60 61 / 2 / 60.
+        let expected = (3.355 - 0.1 * 9.218) * 61.0 / 2.0;
+        for game in &played.games {
+            assert!((game.reward / expected - 1.0).abs() < 0.02, "{control}: sum of velocities {}, not {expected}", game.reward);
+        }
+    }
+}
+
+/// A file without a ground gets a plane, which is said; one that has another ground than the task is refused.
+#[test]
+fn the_ground_of_a_file_is_that_of_the_task() {
+    let Some(python) = python() else { return };
+    let bare = by_file(&python, &crate_file("", "", ""), CRATE).expect("played");
+    assert!(bare.settings.ground.contains("the file has none") && bare.settings.friction == [[1.0, 1.0]], "{:?}", bare.settings);
+    let floor = FLOOR.replace("/>", " pos=\"0 0 1\"/>");
+    let refused =
+        by_file(&python, &crate_file(&floor, "", ""), &format!("scene = 'plane'\n{CRATE}")).expect_err("another ground").to_string();
+    assert!(refused.contains("scene `plane`"), "{refused}");
+}
+
+/// The smallest policy, trained for an iteration: a row for the truth and one for each kind of settings; a URDF has no settings of its own.
+#[test]
+fn a_policy_is_carried_by_both_settings_or_by_ours_alone() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let write = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).expect("a file");
+        path.display().to_string()
+    };
+    let (task, file) = (write("slide.toml", CRATE), write("crate.xml", &crate_file(FLOOR, "name=\"turn\"", "<motor joint=\"turn\"/>")));
+    let config = PpoConfig { environments: 2, horizon: 4, minibatch: 8, iterations: 1, ..PpoConfig::default() };
+    for (robot, rows) in [(&*file, vec!["truth", "MuJoCo, file", "MuJoCo, ours"]), ("ant", vec!["truth", "MuJoCo, ours"])] {
+        let run = PolicyRun {
+            task: format!("{task}@{robot}"),
+            arena: Arena::Truth(Truth::Articulated),
+            config: config.clone(),
+            seed: 0,
+            minutes: None,
+            out: folder.path().join(format!("run{}", rows.len())),
+        };
+        let mut carried = Carried::default();
+        (carried.policy, carried.games) = (vec![run.train().expect("trained").policy], 2);
+        if robot == "ant" {
+            carried.settings = "file".into();
+            let refused = carried.measure().expect_err("no MJCF").to_string();
+            assert!(refused.contains("`ant` is no MJCF") && refused.contains("--settings"), "{refused}");
+            carried.settings = "both".into();
+        }
+        let Some(python) = python() else { continue };
+        carried.mujoco = python;
+        let table = carried.measure().expect("played").tables.remove(0);
+        assert_eq!(table.rows.iter().map(|row| &*row[1]).collect::<Vec<_>>(), rows);
+        assert_eq!(table.note.contains("timestep (s) 0.003 and 0.0000998"), rows.len() == 3, "{}", table.note);
     }
 }

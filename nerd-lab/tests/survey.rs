@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use nerd_lab::survey::{Found, find, survey, verdict};
+use nerd_lab::survey::{Found, beside, find, survey, verdict};
 use nerd_sim::prelude::System;
 
 /// A table of 9 kg on four legs of 0.25 kg, each turning about a hinge along y.
@@ -66,7 +66,7 @@ fn a_file_that_is_no_text_has_its_line_and_the_others_their_turn() {
     assert!(find("/nowhere".as_ref()).is_err());
 }
 
-/// A chain of so many hinges of 0.1 m, turned by a quarter one after the other, on a free or a fixed base.
+/// A chain of `n` hinges of 0.1 m, turned by a quarter one after the other, on a free or a fixed base.
 fn chain(n: usize) -> String {
     let inertial = r#"<inertial><origin xyz="0 0 -0.05"/><mass value="0.1"/><inertia ixx="1e-4" iyy="1e-4" izz="1e-5" ixy="0" ixz="0" iyz="0"/></inertial>"#;
     let piece = |k: usize| {
@@ -113,4 +113,32 @@ fn a_newcomer_is_told_whether_a_robot_stands_hangs_or_falls() {
         let line = verdict(&System::named(&found.path.display().to_string()).expect("a robot"), 1.0);
         assert!(words.iter().all(|word| line.contains(word)) && !line.contains('\n'), "{name}: {line}");
     }
+}
+
+/// Where there is a MuJoCo (`NERD_MUJOCO`): a file is equal, or says what differs or why it is refused, and MuJoCo's refusals are its own.
+#[test]
+fn a_file_beside_mujoco_is_equal_or_says_why_not() {
+    let Some(python) = std::env::var("NERD_MUJOCO").ok() else { return println!("skipped: no MuJoCo") };
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, joint: &str, world: &str| {
+        let text = format!(
+            r#"<mujoco><asset><hfield name="hill" nrow="2" ncol="2" size="1 1 1 1"/></asset><worldbody>{world}
+            <body name="b"><joint axis="0 1 0" {joint}/><geom name="ball" size=".1" pos=".3 0 0"/></body></worldbody></mujoco>"#
+        );
+        std::fs::write(folder.path().join(name), text).expect("a file");
+    };
+    write("a.xml", "", r#"<geom type="plane" size="1 1 1" friction="2"/><geom type="hfield" hfield="hill" pos="0 0 -1"/>"#);
+    // Friction along and across is one number here.
+    let pair = r#"<contact><pair geom1="floor" geom2="ball" friction="1 .5"/></contact>"#;
+    write("b.xml", "", &format!(r#"<geom name="floor" type="plane" size="1 1 1"/></worldbody>{pair}<worldbody>"#));
+    write("c.xml", r#"type="ball""#, "");
+    write("d.xml", r#"damping="no""#, "");
+    let table = beside(&find(folder.path()).expect("files"), Path::new(&python));
+    let verdicts: Vec<&str> = table.rows.iter().filter_map(|row| row.last()).map(String::as_str).collect();
+    assert_eq!(verdicts.len(), 4, "{verdicts:?}");
+    assert_eq!(verdicts[0], "equal");
+    for (verdict, words) in verdicts[1..].iter().zip(["`floor` and `ball`: friction 0.750 here", "refused: ", "refused: "]) {
+        assert!(verdict.contains(words), "{words}: {verdicts:?}");
+    }
+    assert!(table.note.starts_with("4 files: 2 load; of 1 "), "{}", table.note);
 }

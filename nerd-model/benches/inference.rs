@@ -1,5 +1,5 @@
-//! Predictions on the CPU (double pendulum's widths): windows of ten tokens through burn and without it, one token a frame
-//! with kept keys and values, and that of a small network. A whole frame of a cable of 40 rods by its chain's network, contacts and all.
+//! Predictions on the CPU (double pendulum's widths): windows of ten tokens through burn and without it, one token a frame with kept keys
+//! and values, and a small network. Also a whole frame of a cable of 40 rods by its chain's network, contacts included.
 //!
 //! `cargo bench -p nerd-model`.
 
@@ -29,7 +29,7 @@ fn inference(c: &mut Criterion) {
             let mut out = Vec::new();
             let mut frame = || network.push(black_box(&tokens), &mut out).expect("well-formed frames");
             group.bench_function(format!("{name}, {envs} environments"), |b| {
-                // With a full past.
+                // Fills the window first.
                 (0..10).for_each(|_| frame());
                 b.iter(&mut frame);
             });
@@ -43,7 +43,7 @@ fn chain(c: &mut Criterion) {
     let system = System::named(path).expect("the lead");
     let paper = TransformerConfig::paper(INPUTS, OUTPUTS, 48);
     let network = TransformerConfig { layers: 8, heads: 1, block: 40, history: 1, head: 1, architecture: Architecture::Chain, ..paper };
-    // Adds next to nothing, so that the cable stays where it is.
+    // A network that adds next to nothing, so that the cable stays in place.
     let outputs = Moments { mean: vec![0.0; OUTPUTS], variance: vec![1e-12; OUTPUTS], epsilon: 1e-24 };
     let normalizer = Normalizer { inputs: Moments::identity(INPUTS), outputs };
     let scene = nerd_sim::dataset::begin(&system, &Default::default(), 0, 1).expect("pegs").scenes.remove(0);

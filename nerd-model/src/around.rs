@@ -1,18 +1,18 @@
-//! What surrounds the network of a robot that is seen by one token: from outputs to the change of a state, and the way back of a frame.
+//! Everything around the network of a robot that is one token: from outputs to the change of a state, and the adjoint of a frame.
 
 use crate::prelude::*;
 use crate::slopes::{Seen, apply_back, token_back};
 use crate::trapezoid;
 use crate::{base::Base, features::Features, form::Form, normalizer::Normalizer};
 
-/// What a robot's tokens and predictions mean.
+/// Meaning of a robot's tokens and predictions.
 #[derive(Clone)]
 pub struct Around {
     /// The robot.
     pub system: Arc<System>,
     /// On [`Base::State`] or [`Base::Trapezoid`].
     pub form: Form,
-    /// Of its network.
+    /// The network's normalizer.
     pub normalizer: Normalizer,
 }
 
@@ -23,8 +23,8 @@ impl Around {
         outputs.iter().zip(moments.scale().zip(&moments.mean)).map(|(x, (scale, mean))| f64::from(*x) * scale + mean)
     }
 
-    /// Gradients by the network's outputs from an `upstream` one by the state after the frame, in its tangent space; what comes directly to
-    /// the state before it is added to `slope`.
+    /// Gradient with respect to the network's outputs, from the `upstream` gradient with respect to the state after the frame (tangent
+    /// space). Adds the direct part with respect to the state before the frame to `slope`.
     pub fn outputs_back(&self, before: &[f64], outputs: &[f32], upstream: &[f64], slope: &mut [f64]) -> Vec<f32> {
         let (robot, time, prediction) = (&self.system.robot, self.system.frame_time, self.change(outputs).collect::<Vec<_>>());
         let (mut change, mut by_change) = (prediction.clone(), vec![0.0; before.len()]);
@@ -38,7 +38,8 @@ impl Around {
         by_change.iter().zip(self.normalizer.outputs.scale()).map(|(g, scale)| (g * scale) as f32).collect()
     }
 
-    /// Adds to `slope`, by the state, what comes of gradients by its normalised token; those by the token's own numbers.
+    /// Adds to `slope` the gradient with respect to the state, from the gradient with respect to its normalised token. Returns the gradient
+    /// with respect to the token's own numbers.
     pub fn token_back(
         &self,
         state: &[f64],
@@ -53,7 +54,7 @@ impl Around {
         by
     }
 
-    /// Of gradients by a token's numbers those by the torques.
+    /// The torques' part of the gradient with respect to a token's numbers.
     pub fn of_torques<'a>(&self, by_token: &'a [f64]) -> &'a [f64] {
         &by_token[Features::torques(&self.system, self.form)..][..self.system.robot.joint_count()]
     }

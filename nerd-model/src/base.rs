@@ -1,14 +1,14 @@
-//! What a prediction is added to. Nothing is computed for it: the network does the work alone.
+//! The base to which a prediction is added. No dynamics are computed for it: the network does all the work.
 
 use serde::{Deserialize, Serialize};
 
-/// What a prediction is added to.
+/// The base to which a prediction is added.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Base {
     /// The state before the frame: the paper's form.
     #[default]
     State,
-    /// The state; positions count from where the mean of the velocities before and after would go ([`crate::trapezoid`]).
+    /// The state; positions count from the trapezoid rule's, at the mean of the velocities before and after ([`crate::trapezoid`]).
     Trapezoid,
 }

@@ -1,16 +1,16 @@
 //! Network inputs and targets (paper A.1): everything in the robot's own frame, computed in f64, then cast to f32.
 //!
-//! A token of a robot that can touch something or move its base:
-//! `[state in its own frame, normals (3 C), scene points (3 C), depths (C), torques, gravity direction (3)]`, contact
-//! quantities masked to zero beyond `xi`; for any other robot: `[state, torques]`. A scene pays only for what it has.
-//! With [`View::Moving`] it also holds the velocity of each contact point (3 C, m/s), masked likewise, and
-//! how near it is now and a frame ahead (2 C), 1 beyond `xi`; after gravity the x and y axes of every link but the first (6); at the end
-//! sine and cosine of every angle, the sine of one that wraps in its place.
-//! Where the robot is told ([`Form::told`]), the last numbers are those that were drawn of it ([`Told`]).
+//! A token of a robot that has contact points or a free base:
+//! `[state in its own frame, normals (3 C), scene points (3 C), depths (C), torques, gravity direction (3)]`, contact quantities masked to
+//! zero beyond `xi`; for any other robot: `[state, torques]`.
+//! [`View::Moving`] adds the velocity of each contact point (3 C, m/s), masked likewise, and its nearness now and a frame ahead (2 C), 1
+//! beyond `xi`; after gravity the x and y axes of every link but the first (6); at the end sine and cosine of every angle. The sine of an
+//! angle that wraps takes the angle's place.
+//! For a robot that is conditioned on its parameters ([`Form::told`]), the last numbers are the drawn parameters ([`Told`]).
 //! The target is the change over the frame, seen from the frame of the token: additive for positions, joints and velocities (angles
-//! wrapped), a quaternion from the left for the orientation of a floating root. [`Base`] says from where it counts.
+//! wrapped), a quaternion from the left for the orientation of a floating root. [`Base`] defines the state it is added to.
 //!
-//! No token or target knows a mass, force or acceleration.
+//! No token or target contains a mass, force or acceleration.
 
 use nerd_core::dynamics::{link_pose, velocities};
 use nerd_core::state::wrap_state;
@@ -21,7 +21,7 @@ use crate::form::{Form, View};
 use crate::prelude::*;
 use crate::trapezoid;
 
-/// Gaps (m) that are much smaller are told apart, larger ones are far.
+/// Length scale (m) of [`nearness`]: smaller gaps are resolved, larger ones count as far.
 pub(crate) const NEAR: f64 = 0.004;
 
 /// Turns states into tokens and predictions into states, for one system.
@@ -33,7 +33,7 @@ pub struct Features {
     velocities: Vec<Vector3<f64>>,
     near: Vec<f64>,
     far: Vec<f64>,
-    /// What the tokens' robot is told by, and its numbers.
+    /// The parameters that tokens are conditioned on, and their values.
     told: (Told, Vec<f64>),
 }
 
@@ -49,14 +49,14 @@ impl Features {
         new
     }
 
-    /// Whose the tokens to come are: what was drawn of that robot, or nothing of one as its files have it.
+    /// Sets the robot of the next tokens by its drawn parameters; an empty slice means the robot as its files have it.
     pub fn tell(&mut self, drawn: &[f64]) {
         let (told, numbers) = &mut self.told;
         numbers.clear();
         numbers.extend(told.numbers(drawn));
     }
 
-    /// Whether the robot has surroundings: it has contact points or a free base.
+    /// Whether the robot has surroundings: contact points or a free base.
     pub(crate) fn situated(robot: &Robot) -> bool {
         robot.floating() || !robot.contact_points.is_empty()
     }
@@ -72,12 +72,12 @@ impl Features {
         if Self::situated(&system.robot) { plain + 3 + axes } else { plain }
     }
 
-    /// Where a token has its torques.
+    /// Offset of the torques in a token.
     pub(crate) fn torques(system: &System, form: Form) -> usize {
         system.robot.state_dim() + Self::a_point(form.view) * system.robot.contact_points.len()
     }
 
-    /// Numbers that a token has of a contact point.
+    /// Numbers of a token per contact point.
     fn a_point(view: View) -> usize {
         if view == View::Moving { 12 } else { 7 }
     }
@@ -124,7 +124,7 @@ impl Features {
             put(torques);
             return put(&waves);
         }
-        // The mask zeroes what the network sees, not the world: a zero event is not one at the frame's origin.
+        // The mask zeroes the network's input, not the world: a zeroed event is not a contact at the frame's origin.
         let seen = |k: usize| contacts[k].distance < system.robot.contact_points[k].threshold();
         let none = Vector3::zeros();
         for (k, event) in contacts.iter().enumerate() {
@@ -157,7 +157,7 @@ impl Features {
         put(&waves);
     }
 
-    /// What stands at the end of a token: sines and cosines of angles. The sine of one that wraps takes its place in `near`.
+    /// The end of a token: sines and cosines of angles. The sine of one that wraps takes the angle's place in `near`.
     fn waves(&mut self) -> Vec<f64> {
         let robot = &self.system.robot;
         let mut end = Vec::new();
@@ -173,11 +173,11 @@ impl Features {
         end
     }
 
-    /// How fast each contact point moves (m/s), world axes, into `velocities`.
+    /// Velocity of each contact point (m/s), world axes, into `velocities`.
     fn move_points(&mut self, state: &[f64], contacts: &[ContactEvent]) {
         let (robot, data) = (&self.system.robot, &mut self.data);
         let (q, qd) = robot.split(state);
-        // The frame of a planted root has asked for the rest already.
+        // The pose of a fixed root has already computed the kinematics.
         if robot.floating() {
             kinematics(robot, q, data);
         }
@@ -187,7 +187,7 @@ impl Features {
         self.velocities.extend(contacts.iter().zip(&robot.contact_points).map(speed));
     }
 
-    /// The frame in which changes are taken: a floating root's own, elsewhere the world, since joints have no other.
+    /// The frame in which changes are taken: a floating root's own, otherwise the world, since joints have no other.
     fn place(&self, state: &[f64]) -> RootFrame {
         if self.system.robot.floating() { RootFrame::of(state) } else { world() }
     }
@@ -214,7 +214,7 @@ impl Features {
         cast(&change, out);
     }
 
-    /// Writes the state that lies `change` (as in [`Self::target`]) from `state`.
+    /// Writes the state at `change` (as in [`Self::target`]) from `state`.
     pub fn apply(&mut self, state: &[f64], change: &[f64], next: &mut [f64]) {
         let system = self.system.clone();
         let robot = &system.robot;
@@ -238,7 +238,7 @@ pub(crate) fn waves(joint: &Joint) -> usize {
     if joint.wraps() { 1 } else { 2 * usize::from(joint.kind != JointKind::Prismatic) }
 }
 
-/// How near a gap (m) is: -1 deep inside, 0 where surfaces meet, 1 far away; steepest where they meet.
+/// Nearness of a gap (m): -1 deep inside, 0 where surfaces meet, 1 far away; steepest where they meet.
 pub(crate) fn nearness(gap: f64) -> f64 {
     gap / gap.hypot(NEAR)
 }
@@ -247,7 +247,7 @@ pub(crate) fn nearness_slope(gap: f64) -> f64 {
     NEAR * NEAR / gap.hypot(NEAR).powi(3)
 }
 
-/// The world seen from itself.
+/// The world's frame.
 fn world() -> RootFrame {
     RootFrame::at(&Isometry3::identity())
 }

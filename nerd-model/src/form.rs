@@ -1,28 +1,28 @@
-//! The form of inputs and predictions: the paper's, or with more that moves. A model carries its form.
+//! The form of inputs and predictions: the paper's, or one with more motion features. A model carries its form.
 
 use serde::{Deserialize, Serialize};
 
 use crate::base::Base;
 
-/// What a token holds, all in the robot's own frame.
+/// Content of a token, all in the robot's own frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum View {
     /// State, contacts, torques and gravity (paper A.1).
     #[default]
     Own,
-    /// Also velocities of contact points and how near they are, axes of links, sine and cosine of every angle.
+    /// Also velocities and nearness of contact points, axes of links, sine and cosine of every angle.
     Moving,
 }
 
-/// What tokens hold and what predictions mean.
+/// Content of tokens and meaning of predictions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Form {
-    /// What predictions are added to.
+    /// The base to which predictions are added.
     pub base: Base,
-    /// What tokens hold.
+    /// Content of tokens.
     pub view: View,
-    /// Whether they end with what was drawn of their robot ([`nerd_sim::vary::Told`]).
+    /// Whether tokens end with the drawn parameters of their robot ([`nerd_sim::vary::Told`]).
     pub told: bool,
 }
 

@@ -1,4 +1,4 @@
-//! One frame of a few environments around the network: contacts and tokens before it, predictions to states after it, and the way back.
+//! One frame of a few environments around the network: contacts and tokens before it, predictions to states after it, and the adjoint.
 
 use nerd_core::state::wrap_state;
 use nerd_sim::solver::{Fault, Slopes};
@@ -29,7 +29,7 @@ impl Frame {
         }
     }
 
-    /// Writes the normalised tokens of the environments from `first` on; zeros for those that are set `aside`.
+    /// Writes the normalised tokens of the environments from `first` on; zeros for failed ones, listed in `aside`.
     pub fn tell(&mut self, batch: &Batch, torques: &[f64], aside: &[Fault], first: usize, tokens: &mut [f32]) {
         for (env, token) in (first..).zip(tokens.chunks_exact_mut(self.around.normalizer.inputs.mean.len())) {
             if aside.iter().any(|fault| fault.env == env) {
@@ -46,14 +46,14 @@ impl Frame {
         let joints = robot.joint_count();
         self.events.clear();
         if !robot.contact_points.is_empty() {
-            contacts(robot, scene, state, &mut self.data, &mut self.events);
+            contacts(&batch.system, scene, state, &mut self.data, &mut self.events);
         }
         self.features.tell(&batch.of(env).drawn);
         self.features.token(state, &self.events, &torques[env * joints..][..joints], &scene.gravity, token);
         self.around.normalizer.inputs.normalize(token);
     }
 
-    /// Writes the states `next` that lie the predictions from those of the environments from `first` on.
+    /// Writes the states `next`: predictions applied to the states of the environments from `first` on.
     pub fn apply(&mut self, batch: &Batch, first: usize, predictions: &[f32], next: &mut [f64]) {
         let d = self.change.len();
         for (env, (prediction, next)) in (first..).zip(predictions.chunks_exact(d).zip(next.chunks_exact_mut(d))) {
@@ -62,7 +62,7 @@ impl Frame {
         }
     }
 
-    /// Slopes of the frame of `count` environments from `first` on, by a `network` that sees one token.
+    /// Gradients of the frame of `count` environments from `first` on, by a `network` whose window is one token.
     pub fn back(
         &mut self,
         (batch, torques): (&Batch, &[f64]),

@@ -13,10 +13,11 @@ use crate::{frame::Frame, program::cpu::Loaded};
 
 /// Environments that one thread prepares in a row.
 const CHUNK: usize = 16;
-/// Most environments whose way back is made at once, at least as many.
+/// Most environments whose adjoint is computed at once.
 const ROWS: usize = 128;
 
-/// A model as a [`Solver`]. Robots of their own it takes where the batch's has `[vary]`: one that is told sees what was drawn of each.
+/// A model as a [`Solver`]. In a batch with `[vary]` each environment has its own robot; a model conditioned on parameters receives the
+/// drawn ones.
 pub struct Neural {
     model: Model,
     network: Box<dyn Stream>,
@@ -28,7 +29,7 @@ pub struct Neural {
     predictions: Vec<f32>,
     next: Vec<f64>,
     faults: Vec<Fault>,
-    /// The network with its way back, once slopes are asked for.
+    /// The network for gradients, loaded when they are first requested.
     slopes: Option<Loaded>,
 }
 
@@ -46,7 +47,7 @@ impl Neural {
         Self::new(model, network)
     }
 
-    /// Robots of their own are for models of a family.
+    /// Robots that differ by environment need a model of a family.
     fn check(&mut self, batch: &Batch, torques: &[f64]) -> Result<(), StepError> {
         let check = if batch.system.spec.vary.is_some() { check_kin } else { check };
         check(batch, torques, &mut self.faults)
@@ -69,7 +70,7 @@ impl Neural {
         Ok(())
     }
 
-    /// Forgets what was before a gap.
+    /// Clears the memory of environments whose frames have a gap.
     fn forget(&mut self, batch: &Batch) {
         for (env, (newest, frame)) in self.newest.iter_mut().zip(&batch.frames).enumerate() {
             if *frame == 0 || *newest + 1 != *frame {
@@ -119,7 +120,7 @@ impl Solver for Neural {
         }
         self.begin(batch)?;
         let network = self.slopes.get_or_insert_with(|| Loaded::new(config.program(), &self.model.weights.flat));
-        // Weights pass by more rows at once than tokens are made for.
+        // Weights pass more rows at once than tokens are made for.
         let size = even(batch.len(), ROWS).max(CHUNK);
         let one = |(i, frame): (usize, &mut Frame)| {
             let envs = (i * size, size.min(batch.len() - i * size));
@@ -135,7 +136,7 @@ impl Solver for Neural {
         self.network.clear(env);
     }
 
-    /// The frame of the newest token, then what the network keeps.
+    /// The frame of the newest token, then the network's memory.
     fn remembered(&self, env: usize) -> Result<Vec<f64>, StepError> {
         let Some(newest) = self.newest.get(env).filter(|_| self.model.config.network.reach() > 1) else { return Ok(Vec::new()) };
         let kept = self.network.remembered(env).map_err(failed)?;

@@ -3,12 +3,12 @@
 //! Inputs become `(x - mean) / sqrt(var + epsilon)`, outputs are multiplied back. The statistics run over every token
 //! of every window of h tokens, so a token inside a trajectory counts as often as windows hold it (up to h times).
 //!
-//! The paper's epsilon of 1e-5 is absolute: a target that varies less than 3e-3 of its unit counts less in the loss than others do. So it
-//! is kept with the moments, a choice of each run.
+//! The paper's epsilon of 1e-5 is absolute: a target that varies less than 3e-3 of its unit counts less in the loss than others. So each
+//! run chooses epsilon, and it is kept with the moments.
 
 use serde::{Deserialize, Serialize};
 
-/// The paper's, and the default of files.
+/// The paper's epsilon, and the default in files.
 pub const EPSILON: f64 = 1e-5;
 
 fn paper() -> f64 {
@@ -27,7 +27,7 @@ pub struct Moments {
     pub mean: Vec<f64>,
     /// Population variance.
     pub variance: Vec<f64>,
-    /// What is added to it, above 0: the scale of a coordinate is `sqrt(variance + epsilon)`.
+    /// Added to the variance, above 0: the scale of a coordinate is `sqrt(variance + epsilon)`.
     #[serde(default = "paper", skip_serializing_if = "is_paper")]
     pub epsilon: f64,
 }
@@ -75,8 +75,8 @@ impl Moments {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Normalizer {
-    /// Of tokens.
+    /// Moments of tokens.
     pub inputs: Moments,
-    /// Of targets.
+    /// Moments of targets.
     pub outputs: Moments,
 }

@@ -1,4 +1,4 @@
-//! Picking a solver by a setting that has a name, as charts and results have it.
+//! Picks a solver by a named setting, as in charts and results.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::prelude::*;
 use crate::{chain::ChainSolver, folder::ModelError, transformer::Architecture};
 
-/// A solver at one setting. Its words, in every table and picture, are those of [`Setting::series`] and of its `Display`:
+/// A solver at one setting. [`Setting::series`] and `Display` give its name in every table and picture:
 ///
 /// ```
 /// # use nerd_model::pick::Setting;
@@ -18,7 +18,7 @@ use crate::{chain::ChainSolver, folder::ModelError, transformer::Architecture};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Setting {
-    /// `articulated`, Runge-Kutta, so many substeps; without contact.
+    /// `articulated`, Runge-Kutta with this number of substeps; without contact.
     Rk4(usize),
     /// `articulated`, symplectic Euler, explicit contact.
     Euler(usize),
@@ -28,9 +28,9 @@ pub enum Setting {
     Accurate,
     /// `articulated` at the reference simulator's settings, the truth of models of robots `NAME-paper`.
     Paper,
-    /// rapier with so many iterations inside one outer step.
+    /// rapier with this number of iterations inside one outer step.
     Rapier(usize),
-    /// rapier with so many outer steps, collisions found again in each, at its default of 4 iterations.
+    /// rapier with this number of outer steps, collisions found again in each, at its default of 4 iterations.
     RapierSteps(usize),
     /// The same along the axes of a floating robot's root, as the truth of models named `ROBOT-rapier`.
     RapierOwn(usize),
@@ -39,7 +39,7 @@ pub enum Setting {
 }
 
 impl Setting {
-    /// The same solver at whatever number of substeps, as a legend has it.
+    /// The same solver at any number of substeps, as in a legend.
     pub fn series(&self) -> &'static str {
         match self {
             Self::Rk4(_) => "articulated RK4",
@@ -62,7 +62,7 @@ impl Setting {
         }
     }
 
-    /// Settings of `articulated`, if it is that.
+    /// Settings of `articulated`, if the setting is of this solver.
     pub fn articulated(&self, system: &System) -> Option<ArticulatedConfig> {
         let friction = Friction::Coulomb;
         match self {
@@ -78,7 +78,7 @@ impl Setting {
     /// The solver, a learned one on the CPU.
     ///
     /// # Errors
-    /// If a model folder cannot be read or holds another robot's model, or rapier is asked for and not built in.
+    /// If a model folder cannot be read or holds another robot's model, or rapier is chosen and not built in.
     pub fn solver(&self, system: &Arc<System>) -> Result<Box<dyn Solver>, PickError> {
         match (self, self.articulated(system)) {
             (_, Some(config)) => Ok(Box::new(Articulated::new(config))),
@@ -108,10 +108,10 @@ impl fmt::Display for Setting {
     }
 }
 
-/// A model as a solver on the CPU: of a chain [`ChainSolver`], of any other robot [`Neural`].
+/// A model as a solver on the CPU: [`ChainSolver`] for a chain, [`Neural`] for any other robot.
 ///
 /// # Errors
-/// If it is of a chain, and the robot is another one.
+/// If the model is of a chain and the robot is another one.
 pub fn learned(model: Model, system: &Arc<System>) -> Result<Box<dyn Solver>, ModelError> {
     Ok(match model.config.network.architecture {
         Architecture::Chain => Box::new(ChainSolver::new(&model.weights, &model.normalizer, system)?),
@@ -119,7 +119,7 @@ pub fn learned(model: Model, system: &Arc<System>) -> Result<Box<dyn Solver>, Mo
     })
 }
 
-/// What a truth is, as a setting.
+/// The setting of a truth.
 impl From<Truth> for Setting {
     fn from(truth: Truth) -> Self {
         match truth {

@@ -1,16 +1,16 @@
-//! Slopes of a frame around the network: of a token by the state, and of the next state by prediction and state, as vector-Jacobian
-//! products.
+//! Gradients of a frame around the network as vector-Jacobian products: of a token with respect to the state, and of the next state with
+//! respect to prediction and state.
 //!
-//! A gradient by a state has the `2 nv` numbers of its tangent space: `[pose, velocities]`, each as in `qd`, angular part first. Those of a
-//! free root are by a turn, a shift (m), an angular and a linear velocity of the root in **its own axes**, `R -> R exp(t)`, `x -> x + R d`,
-//! `a = R^-1 w`, `b = R^-1 x_dot`. With the predicted change `(d, n, c_a, c_b)` of the root a frame is
+//! A gradient with respect to a state has the `2 nv` numbers of its tangent space: `[pose, velocities]`, each laid out as `qd`, angular
+//! part first. For a free root they refer to a rotation vector, a translation (m), an angular and a linear velocity in **its own axes**, `R
+//! -> R exp(t)`, `x -> x + R d`, `a = R^-1 w`, `b = R^-1 x_dot`. With the predicted change `(d, n, c_a, c_b)` of the root a frame is
 //!
 //! ```text
 //! A = a + c_a   B = b + c_b + A x d   x' = x + R d   R' = R n   a' = n^-1 A   b' = n^-1 B
 //! ```
 //!
-//! and joints add. Contacts are found anew in every frame. What is held constant is the curvature of surfaces (normals turn with the root,
-//! not with the place), which vertex of a hull and which place of a rim is deepest, and which contacts are near enough to be seen.
+//! and joints add. Contacts are found anew in every frame. Held constant are the curvature of surfaces (normals rotate with the root, but
+//! do not change with position), the choice of a hull's or a rim's deepest point, and the choice of contacts near enough to be seen.
 
 use nalgebra::Quaternion;
 use nerd_core::tangent::{push, wrenches_back};
@@ -20,21 +20,21 @@ use crate::features::{Features, nearness_slope, waves};
 use crate::form::View;
 use crate::prelude::*;
 
-/// What a token is made of.
+/// Inputs of a token.
 pub struct Seen<'a> {
     /// `[q, qd]`.
     pub state: &'a [f64],
-    /// Of every contact point.
+    /// Contact events of all contact points.
     pub contacts: &'a [ContactEvent],
     /// Gravity (m/s^2).
     pub gravity: Vector3<f64>,
-    /// The robot's own, one of the two.
+    /// Content of the token.
     pub view: View,
     /// Time of a frame (s).
     pub frame_time: f64,
 }
 
-/// Adds to `slope`, by the state, what [`Features::token`] makes of a gradient by its token. Views other than the robot's own have none.
+/// Adjoint of [`Features::token`]: adds to `slope` the gradient with respect to the state, from the one with respect to the token.
 pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f64], data: &mut Data, slope: &mut [f64]) {
     let Seen { state, contacts, gravity, view, frame_time } = seen;
     let moving = *view == View::Moving;
@@ -71,7 +71,7 @@ pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f64], data: &mut Data,
     }
     let (r, o) = (data.rotation[0], data.origin + data.position[0]);
     let mut loads = vec![Wrench::default(); robot.links.len()];
-    // By a turn of the frame, and a shift of it (own axes).
+    // Gradients with respect to rotation and translation of the frame (own axes).
     let (mut turn, mut shift) = (Vector3::zeros(), Vector3::zeros());
     let count = contacts.len();
     let [normals, places, depths] = [take(3 * count), take(3 * count), take(count)];
@@ -98,7 +98,7 @@ pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f64], data: &mut Data,
             let along = r * by_speed + event.normal * by_closing;
             impulses[point.link] += Wrench::force_at(along, &at);
             quickened(robot, data, point.link, &at, &along, slope);
-            // A free root's own velocity turns with it.
+            // A free root's own velocity is in axes that rotate with it.
             turn +=
                 if robot.floating() { r.tr_mul(&velocity.cross(&event.normal)) * by_closing } else { by_speed.cross(&r.tr_mul(&velocity)) };
         }
@@ -122,8 +122,9 @@ pub fn token_back(robot: &Robot, seen: &Seen, by_token: &[f64], data: &mut Data,
     wrenches_back(robot, data, &mut impulses, &mut slope[nv..]);
 }
 
-/// Adds what poses of the joints above a link do to the velocity of its point at `x`, along a direction: with `w` the spin of a joint's
-/// parent and `u` the velocity that the point has against it, `dv = w x (a x x + b) + a x u` along an axis `(a, b)`.
+/// Adds the gradient of the velocity of a link's point at `x`, along a direction, with respect to poses of the joints above the link. With
+/// `w` the angular velocity of a joint's parent and `u` the point's velocity relative to it, `dv = w x (a x x + b) + a x u` along an axis
+/// `(a, b)`.
 fn quickened(robot: &Robot, data: &Data, link: usize, x: &Vector3<f64>, along: &Vector3<f64>, slope: &mut [f64]) {
     let velocity = data.velocity[link].at(x);
     let mut next = Some(link);
@@ -138,8 +139,8 @@ fn quickened(robot: &Robot, data: &Data, link: usize, x: &Vector3<f64>, along: &
     }
 }
 
-/// Adds to `slope`, by the state, what [`Features::apply`] makes of an `upstream` gradient by the next state, and
-/// writes that by the predicted `change`.
+/// Adjoint of [`Features::apply`]: adds to `slope` the gradient with respect to the state, from the `upstream` one with respect to the next
+/// state, and writes the one with respect to the predicted `change`.
 pub fn apply_back(robot: &Robot, state: &[f64], change: &[f64], upstream: &[f64], slope: &mut [f64], by_change: &mut [f64]) {
     let (nq, nv, dofs, coords) = (robot.nq(), robot.nv(), robot.root_dofs(), robot.root_coords());
     for i in 0..nv - dofs {

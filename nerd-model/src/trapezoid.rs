@@ -1,8 +1,8 @@
-//! Positions by the trapezoid rule: a prediction's positions count from where the mean of the velocities before and after would go.
+//! Positions by the trapezoid rule: a prediction's positions are corrections to motion at the mean of the velocities before and after.
 //!
-//! With the present velocities `v`, predicted changes `c_v` and what the rule misses `c`, over a frame of time T: `dq = T (v + c_v / 2) + c`.
-//! Of a free root (own axes, `a` angular and `b` linear) `d = T (b + c_b / 2) + c_d`, and its turn is `exp(T (a + c_a / 2)) c_n`. So positions
-//! go with velocities, and what is left to learn of them is what contact does within the frame.
+//! With the present velocities `v`, predicted changes `c_v` and correction `c`, over a frame of time T: `dq = T (v + c_v / 2) + c`. For a
+//! free root (own axes, `a` angular and `b` linear) `d = T (b + c_b / 2) + c_d`, and its rotation is `exp(T (a + c_a / 2)) c_n`. So
+//! positions follow velocities, and only the effect of contact within the frame is left to learn.
 
 use nalgebra::Quaternion;
 use nerd_core::frames::own_velocity;
@@ -10,7 +10,7 @@ use nerd_core::frames::own_velocity;
 use crate::normalizer::Moments;
 use crate::prelude::*;
 
-/// The turn (rotation vector) and way of a free root at the mean velocities, in its own axes.
+/// The rotation vector and translation of a free root at the mean velocities, in its own axes.
 fn carried(robot: &Robot, time: f64, state: &[f64], change: &[f64]) -> [Vector3<f64>; 2] {
     let (nq, [a, b]) = (robot.nq(), own_velocity(state, robot.nq()));
     [(a + vector(&change[nq..]) * 0.5) * time, (b + vector(&change[nq + 3..]) * 0.5) * time]
@@ -20,12 +20,12 @@ fn turn(change: &[f64]) -> Quaternion<f64> {
     Quaternion::new(change[6], change[3], change[4], change[5])
 }
 
-/// Lets what positions miss count as velocities do: its scale is that of the velocity's change times the frame's time. What smooth motion
-/// misses, next to nothing, then takes no part of a network.
+/// Scales position corrections by the velocity change's scale times the frame time. So the correction in smooth motion, next to nothing,
+/// uses no capacity of the network.
 pub fn level(robot: &Robot, time: f64, outputs: &mut Moments) {
     let (nq, coords, dofs) = (robot.nq(), robot.root_coords(), robot.root_dofs());
     let of = |velocity: usize, share: f64| (share * time, nq + velocity);
-    // A turn's quaternion changes by half its angle.
+    // A rotation's quaternion changes by half its angle.
     let root = [of(3, 1.0), of(4, 1.0), of(5, 1.0), of(0, 0.5), of(1, 0.5), of(2, 0.5), of(0, 0.5)];
     let pairs = root.into_iter().take(coords).chain((0..robot.joint_count()).map(|i| of(dofs + i, 1.0)));
     for (k, (share, velocity)) in pairs.enumerate() {
@@ -47,8 +47,8 @@ pub fn carry(robot: &Robot, time: f64, state: &[f64], change: &mut [f64], sign: 
     }
 }
 
-/// The way back of [`carry`] to the change: turns a gradient by the change into one by the prediction, and adds to `slope` what comes to the state, in its
-/// tangent space ([`crate::slopes`]).
+/// Adjoint of [`carry`] from prediction to change: turns a gradient with respect to the change into one with respect to the prediction, and
+/// adds the one with respect to the state, in its tangent space ([`crate::slopes`]), to `slope`.
 pub fn back(robot: &Robot, time: f64, state: &[f64], prediction: &[f64], by: &mut [f64], slope: &mut [f64]) {
     let (nq, nv, coords, dofs) = (robot.nq(), robot.nv(), robot.root_coords(), robot.root_dofs());
     for i in 0..robot.joint_count() {

@@ -45,7 +45,7 @@ fn rods_and_joints_are_the_same_state() {
         let rods = chain.rods(&state);
         let mut back = vec![0.0; state.len()];
         chain.state(&rods, &mut back);
-        // Rates are some 5 rad/s, and those of forty rods add up.
+        // Rates are about 5 rad/s, and the rates of forty rods add up.
         worst = state.iter().zip(&back).fold(worst, |worst, (a, b)| worst.max((a - b).abs()));
         let mut data = nerd_core::dynamics::Data::new(&system.robot);
         nerd_core::dynamics::kinematics(&system.robot, &state, &mut data);
@@ -67,7 +67,7 @@ fn rates_are_how_directions_change() {
     assert!(worst < 1e-6, "off by {worst:.1e} 1/s");
 }
 
-/// A frame of a chain above the floor, tokens and outcome weighed by fixed numbers: a value whose slopes can be asked for.
+/// A frame of a chain above the floor, as a scalar function (tokens and outcome times fixed weights) with a gradient.
 fn weighed(chain: &Chain, rods: &Rods, torques: &[f64], outputs: Outputs, scene: &Scene) -> f64 {
     let look = Look::at(chain, rods, torques, |place| scene.contact(place));
     let mut tokens = Vec::new();
@@ -120,7 +120,7 @@ fn slopes_of_a_frame_are_those_of_differences() {
         let gripper = chain.glide_back(&glided);
         slope.gripper.numbers_mut().zip(gripper.numbers()).for_each(|(x, g)| *x += g);
 
-        // Along ways of every part alone; tokens are rounded to f32, so the step is large.
+        // Along directions within each part alone; tokens are rounded to f32, so the step is large.
         let (third, start) = (12 + 3 * chain.rods, flat(&rods));
         for (part, h) in [(0..12, 1e-5), (12..third, 1e-5), (third..start.len(), 1e-3)] {
             let way: Vec<f64> = weights(&chain).iter().enumerate().map(|(k, w)| if part.contains(&k) { *w } else { 0.0 }).collect();

@@ -1,4 +1,4 @@
-//! Tokens and targets: what is predicted leads to the next state in every form, and a token sees what it should.
+//! Tokens and targets: a target leads to the next state in every form, and a token sees what it should.
 
 use nerd_model::form::{Form, View};
 use nerd_model::{base::Base, features::Features};
@@ -60,7 +60,7 @@ fn told(robot: &str, view: View, motion: &Isometry3<f64>, k: u64) -> Vec<f32> {
     scene.colliders.push(Collider::plane(plane, system.spec.material));
     let torques: Vec<f64> = (0..system.robot.joint_count()).map(|i| 10.0 * (i as f64).sin()).collect();
     let mut events = Vec::new();
-    contacts(&system.robot, &scene, &state, &mut Data::new(&system.robot), &mut events);
+    contacts(&system, &scene, &state, &mut Data::new(&system.robot), &mut events);
     let form = Form { view, ..Base::State.into() };
     let mut out = vec![0.0; Features::inputs(&system, form)];
     Features::new(&system, form).token(&state, &events, &torques, &scene.gravity, &mut out);
@@ -75,7 +75,7 @@ fn a_token_sees_neither_place_nor_heading() {
         for k in 0..20 {
             let here = told(robot, view, &Isometry3::identity(), k);
             let (points, d) = (system(robot).robot.contact_points.len(), system(robot).robot.state_dim());
-            // Normals, or velocities.
+            // Normals, or contact velocities.
             let first = if view == View::Own { d } else { d + 7 * points };
             seen += here[first..first + 3 * points].iter().filter(|x| **x != 0.0).count();
             for (by, heading) in [(Vector3::new(3.0, -1.0, 2.0), 0.0), (Vector3::zeros(), 2.0), (Vector3::new(300.0, 20.0, -500.0), -1.3)] {
@@ -88,9 +88,9 @@ fn a_token_sees_neither_place_nor_heading() {
     }
 }
 
-/// What a network that does the work alone may see: where the robot is and how fast, the geometry of its contacts, torques and gravity's
-/// direction. Of a robot with other masses, inertias, springs, dampings and materials all of it is the same, to the bit, and so is the
-/// state that follows a prediction.
+/// Allowed inputs of a network that replaces dynamics: the robot's position and velocity, the geometry of its contacts, torques and
+/// gravity's direction. For a robot with other masses, inertias, springs, dampings and materials all of these are the same, to the bit, and
+/// so is the state that follows a prediction.
 #[test]
 fn a_pure_model_sees_no_dynamics() {
     for robot in ["cartpole", "pendulum", "cube", "franka", "ant", "anymal"] {
@@ -101,7 +101,7 @@ fn a_pure_model_sees_no_dynamics() {
             link.inertia.com += Vector3::new(0.1, -0.2, 0.3);
             link.inertia.inertia *= 3.0;
             if let Some(joint) = &mut link.joint {
-                // With a spring an angle counts its turns, so it would be another coordinate where it wraps.
+                // With a spring an angle counts its turns, so wrapping would change the coordinate.
                 if !joint.wraps() {
                     (joint.stiffness, joint.rest) = (joint.stiffness + 1.0, joint.rest + 0.1);
                 }
@@ -122,7 +122,7 @@ fn a_pure_model_sees_no_dynamics() {
             let [mut next, mut then] = [0, 1].map(|_| vec![0.0; own.robot.state_dim()]);
             for k in 0..20 {
                 let (state, mut events) = (start(&own, Start::Reset, &mut stream(11, k)), Vec::new());
-                contacts(&own.robot, &scene, &state, &mut data, &mut events);
+                contacts(&own, &scene, &state, &mut data, &mut events);
                 features.token(&state, &events, &torques, &scene.gravity, &mut token);
                 others.token(&state, &events, &torques, &weaker.gravity, &mut same);
                 features.apply(&state, &change, &mut next);

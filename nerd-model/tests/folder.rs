@@ -1,5 +1,4 @@
-//! A model folder is what it was written as, or it is refused: whatever is changed in it, a model that loads predicts what the
-//! saved one did.
+//! A model folder is as it was written, or it is refused: whatever is changed in it, a model that loads predicts as the saved one did.
 
 mod common;
 
@@ -33,13 +32,13 @@ fn refusal(folder: &Path, system: &System, truth: Option<&str>) -> String {
     error
 }
 
-/// Whether two models predict the same of the same states.
+/// Whether two models make the same predictions for the same states.
 fn alike(a: &Model, b: &Model) -> bool {
     let what = |m: &Model| (m.config.base, m.config.view, m.config.network);
     what(a) == what(b) && a.normalizer == b.normalizer && a.weights == b.weights
 }
 
-/// The folder's `config.json` with a key of it, or of its network, set to some text.
+/// Sets a key of the folder's `config.json`, or of its network, to some text.
 fn edit(folder: &Path, key: &str, value: &str) -> String {
     let path = folder.join("config.json");
     let mut config: serde_json::Value = serde_json::from_slice(&std::fs::read(&path).expect("read")).expect("JSON");
@@ -82,11 +81,11 @@ fn whatever_is_changed_loads_as_it_was_or_is_refused() {
 
 #[test]
 fn what_cannot_be_or_does_not_fit_is_refused_with_its_key() {
-    // What could be, and is not what the other files hold.
+    // Possible values that contradict the other files.
     let cases = [
         ("inputs", "18446744073709551615", "`inputs`"),
         ("base", "\"trapezoid\"", "changed"),
-        // Of the paper's rivals, which older models may be.
+        // Forms of earlier models.
         ("base", "\"nothing\"", "unknown variant `nothing`"),
         ("architecture", "\"gru\"", "unknown variant `gru`"),
         ("heads", "3", "changed"),
@@ -100,7 +99,7 @@ fn what_cannot_be_or_does_not_fit_is_refused_with_its_key() {
         let error = edit(saved().path(), key, value);
         assert!(error.contains(word), "{key} {value}: {error}");
     }
-    // Each by itself can be; together they would be 13 billion parameters.
+    // Each is possible by itself; together they would have 13 billion parameters.
     let paper = TransformerConfig::paper(37, 4, 4096);
     let error = TransformerConfig { layers: 64, heads: 64, ..paper }.check().expect_err("too many");
     assert!(error.contains("parameters"), "{error}");
@@ -111,7 +110,7 @@ fn what_cannot_be_or_does_not_fit_is_refused_with_its_key() {
     residual.check().expect("a residual network of any width");
 }
 
-/// Shapes at the edges of what can be: each is refused by a key, or predicts numbers.
+/// Shapes at the limits: each is refused, naming a key, or predicts numbers.
 #[test]
 fn a_shape_that_is_not_refused_predicts() {
     let (mut rng, mut refused, mut run) = (stream(3, 0), 0, 0);
@@ -149,7 +148,7 @@ fn what_is_no_number_is_refused_with_its_place() {
     type Change<'a> = &'a dyn Fn(&mut Model);
     let cases: [(Change, Storage, [&str; 2]); 4] = [
         (&|m| m.weights.flat[3] = f32::NAN, Storage::F32, ["`embed.weight`", "entry 3 is NaN"]),
-        // Beyond what ten bits of mantissa and five of exponent hold.
+        // Beyond the range of f16 (ten bits of mantissa, five of exponent).
         (&|m| huge(m, "blocks.0.attn.qkv.weight"), Storage::F16, ["`blocks.0.attn.qkv.weight`", "entry 0 is inf"]),
         (&|m| m.normalizer.outputs.variance[1] = -1e-6, Storage::F32, ["normalizer.json", "`variance` 1"]),
         (&|m| m.normalizer.inputs.mean.truncate(2), Storage::F32, ["normalizer.json", "`mean`"]),
@@ -184,7 +183,7 @@ fn a_folder_cut_off_while_it_was_written_is_none() {
     let mut model = model(&pendulum(), Base::State);
     model.weights.flat[0] += 1.0;
     model.save(new.path(), "# card\n", Storage::F16).expect("saved");
-    // Files go over the older ones in this order.
+    // Files are replaced in this order.
     for name in ["normalizer.json", "README.md", "model.safetensors"] {
         std::fs::copy(new.path().join(name), old.path().join(name)).expect("copied");
     }
@@ -193,7 +192,7 @@ fn a_folder_cut_off_while_it_was_written_is_none() {
     std::fs::remove_file(old.path().join("config.json")).expect("removed");
     let error = refusal(old.path(), &pendulum(), None);
     assert!(error.contains("config.json"), "{error}");
-    // Nothing is left beside a folder that was made.
+    // Nothing is left beside a new folder.
     let fresh = new.path().join("fresh");
     model.save(&fresh, "# card\n", Storage::F16).expect("saved");
     Model::load(&fresh, &pendulum(), None).expect("as it was written");
@@ -201,8 +200,8 @@ fn a_folder_cut_off_while_it_was_written_is_none() {
     assert_eq!(beside, 5, "four files and the folder");
 }
 
-/// Models that come with the project: whole, of robots that are built in, and of truths that there are; a robot `NAME-paper`'s is
-/// of the reference simulator's preset.
+/// Models that come with the project: complete, for built-in robots, with existing truths; the truth of a robot `NAME-paper` is the
+/// reference simulator's preset.
 #[test]
 fn shipped_models_are_of_built_in_robots_and_known_truths() {
     let models = Path::new(env!("CARGO_MANIFEST_DIR")).join("../models");

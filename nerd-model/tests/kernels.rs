@@ -1,5 +1,5 @@
-//! The kernels around the network against the solver's own way, and small programs as one kernel against the CPU's engine, without a
-//! device: their text is compiled as C++ and run on the CPU.
+//! The kernels around the network compared with the solver on the CPU, and small programs as one kernel with the CPU's engine, without a
+//! GPU: their text is compiled as C++ and run on the CPU.
 
 mod common;
 #[path = "../../nerd-sim/tests/cpp/mod.rs"]
@@ -20,7 +20,7 @@ use nerd_sim::articulated::device::{Reach, Real, records};
 use nerd_sim::dataset::{GenerateConfig, begin};
 use nerd_sim::scene::{TerrainKind, TerrainSpec};
 
-/// A network whose predictions are given, and which notes its tokens.
+/// A network with given predictions, which records its tokens.
 struct Given {
     predictions: Vec<f32>,
     tokens: Arc<Mutex<Vec<f32>>>,
@@ -36,7 +36,7 @@ impl Stream for Given {
     fn clear(&mut self, _: usize) {}
 }
 
-/// A frame by the kernels of a text, after these lines: so many tokens of so many inputs, and next states.
+/// A frame by the kernels of a text, after these lines; returns tokens and next states.
 fn frame(
     compiler: &Compiler,
     (text, launches): (&str, [&str; 2]),
@@ -88,11 +88,11 @@ fn kernels_tell_and_apply_as_the_solver_does() {
             let rubble = TerrainSpec { kind: TerrainKind::Rubble, height: 0.1, cell: 0.2, length: None, seed: Some(4) };
             system = Arc::new((*system).clone().with_terrain(rubble).expect("in range"));
         }
-        // Most touch something.
+        // Most robots touch something.
         let batch = fallen(&system, scene, n, (Start::Sample, 5), 25);
         let torques: Vec<f64> = (0..n * system.robot.joint_count()).map(|k| 3.0 * (k as f64 * 0.7).sin()).collect();
         let mut model = placed(&system, form, Positions::Rotary);
-        // Nothing of a token is where it would be without its normaliser, and turns are near those that are none.
+        // Every token entry depends on its normaliser, and predicted rotations are near the identity.
         model.normalizer.inputs.mean.iter_mut().enumerate().for_each(|(k, m)| *m = 0.1 * (k as f64).sin());
         if system.robot.floating() {
             model.normalizer.outputs.mean[6] = 1.0;
@@ -150,7 +150,7 @@ fn network(architecture: Architecture, [inputs, outputs, embedding, layers]: [us
     let paper = TransformerConfig::paper(inputs, outputs, embedding);
     let shape = TransformerConfig { layers, heads: 1, block: tokens, history: 1, head: 8, architecture, ..paper };
     let mut weights = Weights::init(shape, 5);
-    // Nothing at zero, so that every tensor is seen.
+    // No zeros, so that every tensor has an effect.
     weights.flat.iter_mut().enumerate().for_each(|(k, w)| *w += 0.05 * (k as f32 * 0.37).sin());
     weights
 }
@@ -161,10 +161,10 @@ fn a_pass_in_one_kernel_is_that_of_the_engine() {
     let (chain, residual) = (Architecture::Chain, Architecture::Residual);
     let chains = [([30, 18, 48, 8], 40), ([30, 18, 12, 3], 7)];
     let along = chains.iter().map(|(shape, tokens)| (network(chain, *shape, *tokens), *tokens, 3, Products::F32, 1e-5));
-    // A block passes 64 rows; the second has fewer.
+    // A block has 64 rows; the second here has fewer.
     let alone = [[30, 18, 64, 3], [65, 64, 128, 2], [110, 29, 192, 2], [340, 29, 256, 2]]
         .map(|shape| (network(residual, shape, 1), 1, 70, Products::F16, 1e-3));
-    // Outside of its blocks it is nearly in f32.
+    // The parts outside of its blocks are nearly f32.
     let mut idle = network(residual, [340, 29, 256, 1], 1);
     let (tensors, starts) = (idle.config.tensors(), idle.config.program().starts());
     assert!(!held_in_f16(&idle.config.program(), &idle.flat), "numbers longer than f16's");

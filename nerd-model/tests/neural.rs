@@ -1,6 +1,5 @@
-//! The learned solver as a solver: windows grow, end at a reset and at a gap; an environment is its own; what a network is added to is
-//! there where it adds nothing. Weights are random: none of this is learned. Bound: f32 rounding, since a window's arithmetic may be
-//! cut in other chunks.
+//! The learned solver as a solver: windows grow, end at a reset and at a gap; environments are independent; a prediction of zero change
+//! keeps the base. Weights are random, not trained. Bound: f32 rounding, since a window's arithmetic may be split into other chunks.
 
 mod common;
 
@@ -116,7 +115,7 @@ fn an_environment_is_that_environment_alone() {
 const CASES: [(&str, &str); 6] =
     [("cartpole", "free"), ("pendulum", "ground1"), ("pendulum", "ground2"), ("cube", "ground"), ("ant", "ground"), ("anymal", "ground")];
 
-/// The outputs of a network that adds nothing: a turn's is a quaternion, so this is not zero.
+/// The outputs of a network that adds nothing: a rotation is a quaternion, so this is not zero.
 fn nothing(system: &Arc<System>) -> Vec<f64> {
     let (state, mut target) = (system.default_state(), vec![0.0f32; system.robot.state_dim()]);
     Features::new(system, Base::State).target(&state, &state, &mut target);
@@ -129,7 +128,7 @@ fn a_network_that_says_nothing_leaves_its_base() {
         let system = System::named(robot).expect("built in");
         let (first, torques) = batch(&system, scene, 5);
         for positions in POSITIONS {
-            // A free root's twist stays as it is about the world's origin, so it does not glide.
+            // A free root keeps its twist about the world's origin, so it does not move at constant velocity of its own origin.
             for base in if system.robot.floating() { &[Base::State][..] } else { &[Base::State, Base::Trapezoid] } {
                 let (mut learned, mut raw) = (first.clone(), first.clone());
                 let mut silent = placed(&system, *base, positions);
@@ -142,7 +141,7 @@ fn a_network_that_says_nothing_leaves_its_base() {
                 assert!(apart < 1e-9, "{robot} on {scene}, {base:?}: {apart:.1e} from the base alone");
             }
         }
-        // And one that speaks is heard, also where nothing can be touched.
+        // A network with other outputs has an effect, also where nothing can be touched.
         let mut learned = first.clone();
         roll(&mut Neural::on_cpu(model(&system, Base::State)), &mut learned, &torques, 1);
         let apart: Vec<f64> = (0..5).map(|env| gap(learned.state(env), first.state(env))).collect();

@@ -1,5 +1,5 @@
-//! The kernels of a frame's way back against the CPU's solver, without a device: their text is compiled as C++ and run on the CPU, with the
-//! network of the CPU between them.
+//! The kernels of a frame's adjoint against the CPU's solver, without a GPU: their text is compiled as C++ and run on the CPU, with the
+//! CPU's network between them.
 
 mod common;
 #[path = "../../nerd-sim/tests/cpp/mod.rs"]
@@ -15,7 +15,8 @@ use nerd_sim::articulated::device::{Reach, record};
 const N: usize = 10;
 const ROWS: usize = 2;
 
-/// Launches of every kernel: of states, torques, scene, whose it is, outputs, gradients by next states and by tokens, what they find.
+/// Launches of every kernel. Arguments: states, torques, scene, environment of each state, outputs, gradients with respect to next states
+/// and to tokens, results.
 const LAUNCHES: &str = "for (; blockIdx.x < N + 3; blockIdx.x++) {
     slopes_look(b[0], b[1], b[2], b[3], b[7], N, N);
     for (int row = 0; row < ROWS; row++) {
@@ -42,7 +43,7 @@ fn kernels_go_back_through_a_frame_as_the_cpu_does() {
         buffers.extend([vec![0; 4 * N], vec![0; 4 * N * d], bytes(&by_next, f64::to_le_bytes), vec![0; 4 * ROWS * N * inputs]]);
         let found = [4 * N * padded(inputs), 4 * ROWS * N * d, 8 * N * d, 8 * by_next.len(), 8 * N * ROWS * joints];
         buffers.extend(found.map(|size| vec![0; size]));
-        // Three times: for tokens, for gradients by outputs, and for all.
+        // Three times: for tokens, for gradients with respect to outputs, and for the full adjoint.
         let mut memory = Memory::default();
         let tokens = floats(&compiler.launch(&text, &launches, &buffers)[7]);
         let tokens: Vec<f32> = tokens.chunks(padded(inputs)).flat_map(|token| token[..inputs].to_vec()).collect();

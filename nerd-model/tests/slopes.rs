@@ -1,4 +1,4 @@
-//! Vector-Jacobian products of tokens, of what follows a prediction, and of a whole frame, against central differences.
+//! Vector-Jacobian products of tokens, of the state after a prediction, and of a whole frame, against central differences.
 
 mod common;
 
@@ -9,7 +9,7 @@ use nerd_model::prelude::*;
 use nerd_model::slopes::{Seen, apply_back, token_back};
 use nerd_model::{base::Base, features::Features, trapezoid};
 
-/// A state moved by so much along tangent direction k.
+/// A state moved by `by` along tangent direction k.
 fn moved(system: &System, state: &[f64], k: usize, by: f64) -> Vec<f64> {
     let (mut to, mut change) = (state.to_vec(), vec![0.0; 2 * system.robot.nv()]);
     change[k] = by;
@@ -40,18 +40,18 @@ fn a_gradient_by_a_token_comes_to_the_state_as_differences_say() {
             let mut events = Vec::new();
             let mut token = |state: &[f64]| {
                 let mut token = vec![0.0f32; inputs];
-                contacts(&system.robot, &scene, state, &mut data, &mut events);
+                contacts(&system, &scene, state, &mut data, &mut events);
                 features.token(state, &events, &torques, &scene.gravity, &mut token);
                 token.iter().zip(&by_token).map(|(x, g)| f64::from(*x) * g).sum::<f64>()
             };
-            // To the fourth order: nearness bends within millimetres, and tokens have 32 bits.
+            // Fourth order: nearness curves within millimetres, and tokens are f32.
             let h = 4e-4;
             let mut change = |k: usize, by: f64| token(&moved(&system, &state, k, by)) - token(&moved(&system, &state, k, -by));
             let expected = (0..2 * system.robot.nv()).map(|k| (8.0 * change(k, h) - change(k, 2.0 * h)) / (12.0 * h));
             let expected: Vec<f64> = expected.collect();
             let mut slope = vec![0.0; 2 * system.robot.nv()];
-            contacts(&system.robot, &scene, &state, &mut data, &mut events);
-            // Where a contact comes into sight a token jumps.
+            contacts(&system, &scene, &state, &mut data, &mut events);
+            // A token is discontinuous where a contact comes within reach.
             if events.iter().zip(&system.robot.contact_points).any(|(e, p)| (e.distance - p.threshold()).abs() < 0.01) {
                 continue;
             }
@@ -70,7 +70,8 @@ fn a_gradient_by_a_token_comes_to_the_state_as_differences_say() {
     }
 }
 
-/// The deepest place of a disc or a hull is no fixed one, but its depth changes as if it were, and not by a turn about the disc's axis.
+/// The deepest point of a disc or a hull moves over its link. Its depth changes as if it were fixed, and not by rotation about the disc's
+/// axis.
 #[test]
 fn depths_of_discs_and_hulls_change_as_differences_say() {
     let cube = System::named("cube").expect("built in");
@@ -81,14 +82,14 @@ fn depths_of_discs_and_hulls_change_as_differences_say() {
     let (wheel, mut data, mut events) = (Arc::new(wheel), Data::new(&cube.robot), Vec::new());
     let (points, d) = (wheel.robot.contact_points.len(), wheel.robot.state_dim());
     let mut by = vec![0.0; Features::inputs(&wheel, Base::State)];
-    // Of the disc's deepest place and of the hull.
+    // Gradient on the gap of the disc's deepest point, and of the hull.
     (by[d + 6 * points], by[d + 6 * points + 3]) = (1.0, 2.0);
     let (mut off, mut near, h) = (0.0f64, 0, 1e-6);
     for seed in 0..40 {
         let mut state = start(&wheel, Start::Sample, &mut stream(13, seed));
         state[2] = 0.05;
         let mut depths = |state: &[f64]| {
-            contacts(&wheel.robot, &scene, state, &mut data, &mut events);
+            contacts(&wheel, &scene, state, &mut data, &mut events);
             (events[0].distance + 2.0 * events[3].distance, events.clone())
         };
         let expected: Vec<f64> =
@@ -165,7 +166,7 @@ fn a_gradient_by_the_next_state_comes_to_prediction_and_state_as_differences_say
 fn a_learned_frame_goes_back_to_state_and_torques_as_differences_say() {
     for (robot, scene) in ROBOTS {
         let system = System::named(robot).expect("built in");
-        // A network that says much: what it adds is as large as what it is added to.
+        // A network with large outputs: its prediction is as large as the state it is added to.
         let mut solver = Neural::on_cpu(pure(&system, 0.0, 4.0));
         let (d, nv, joints, n, rows) = (system.robot.state_dim(), system.robot.nv(), system.robot.joint_count(), 20, 2);
         let batch = fallen(&system, scene, n, (Start::Reset, 7), 20);
@@ -176,7 +177,8 @@ fn a_learned_frame_goes_back_to_state_and_torques_as_differences_say() {
         let apart = found.next.iter().zip(&stepped.states).map(|(a, b)| (a - b).abs()).fold(0.0, worse);
         assert!(apart < 1e-5, "{robot}: the frame of the way back is {apart:.1e} from the step");
 
-        // Of every environment the products of its rows with the state after the frame, all moved at once along one direction.
+        // For every environment, the products of its gradient rows with the state after the frame; all states move along one direction at
+        // once.
         let mut values = |change: &dyn Fn(&mut [f64], &mut [f64])| -> Vec<f64> {
             let (mut moved, mut torques) = (batch.clone(), torques.clone());
             (0..n).for_each(|env| change(moved.state_mut(env), &mut torques[env * joints..][..joints]));
@@ -199,8 +201,8 @@ fn a_learned_frame_goes_back_to_state_and_torques_as_differences_say() {
         let by_torque: Vec<Vec<f64>> = (0..joints).map(|k| slope(3e-2, &|by, _, torques| torques[k] += by)).collect();
         let near = |env: usize| {
             let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
-            contacts(&system.robot, &batch.scenes[env], batch.state(env), &mut data, &mut events);
-            // Where a contact comes into sight a token jumps.
+            contacts(&system, &batch.scenes[env], batch.state(env), &mut data, &mut events);
+            // A token is discontinuous where a contact comes within reach.
             events.iter().zip(&system.robot.contact_points).any(|(e, p)| (e.distance - p.threshold()).abs() < 0.005)
         };
         let (mut off, mut count) = ([0.0f64; 2], 0);

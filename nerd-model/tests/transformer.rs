@@ -23,10 +23,10 @@ const SMALL: TransformerConfig = TransformerConfig {
     architecture: Architecture::Transformer,
 };
 
-/// The same without a position table; a token sees the last four.
+/// The same without a position table; a token attends to the last four.
 const ROTARY: TransformerConfig = TransformerConfig { block: 20, history: 4, positions: Positions::Rotary, ..SMALL };
 
-/// Small networks of all kinds that tell tokens of a window apart.
+/// Small networks of all kinds that distinguish the tokens of a window.
 fn all() -> [TransformerConfig; 3] {
     [SMALL, ROTARY, TransformerConfig { embedding: 8, layers: 2, architecture: Architecture::Residual, ..SMALL }]
 }
@@ -148,8 +148,8 @@ fn predictions_are_the_equations() {
     }
 }
 
-/// One token a frame with kept keys and values, against the whole banded pass since the environment was cleared. Windows of the frames
-/// that a prediction reaches back (10) give the same, on the CPU and by burn.
+/// One token a frame with kept keys and values, against the full banded pass since the environment was cleared. Windows of all frames that
+/// a prediction depends on (10) give the same, on the CPU and by burn.
 #[test]
 fn the_stream_equals_the_banded_pass() {
     let (w, frames, envs) = (lively(ROTARY, 11), 36usize, 5usize);
@@ -178,7 +178,7 @@ fn the_stream_equals_the_banded_pass() {
             }
         }
     }
-    // These weights magnify rounding; the yardstick is burn's own distance from the pass in f64.
+    // These weights magnify rounding; the reference is burn's own error against the f64 pass.
     assert!(
         compared == 540 && worst.iter().zip([1.0, 1.0, 2.0]).all(|(w, share)| *w < 1e-5 + share * yardstick),
         "{compared} predictions: {worst:?}, {yardstick:.1e}"
@@ -220,7 +220,7 @@ fn the_evaluator_is_the_training_pass_at_the_newest_token() {
         rows.iter().enumerate().for_each(|(w, row)| x[(row + 1) * config.inputs..(w + 1) * tokens * config.inputs].fill(9.0));
         let expected: Vec<f32> = rows.iter().flat_map(|row| all[row * 3..][..3].to_vec()).collect();
         let (mut found, mut evaluator) = (Vec::new(), PackedForward::new(&w));
-        // Twice, since a pass uses the memory of the one before.
+        // Twice, since a pass reuses the memory of the one before.
         for _ in 0..2 {
             evaluator.forward(&x, tokens, &last, &mut found).expect("fits");
             assert!(apart(&found, &expected) < 1e-5, "{config:?}: {:.1e}", apart(&found, &expected));

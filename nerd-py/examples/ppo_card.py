@@ -80,7 +80,7 @@ class Learner:
         self.rows, self.reached, self.noise, self.actions = map(memory, (observation, observation, action, action))
         self.rewards, self.ends, self.cut, self.logs, self.advantages, self.returns = (memory() for _ in range(6))
         self.part = torch.arange(horizon * n // minibatches, device=self.seen.device)
-        # The same memory in every step.
+        # Every step returns the same memory.
         _, *self.came, infos = env.step(self.actions[0])
         self.came.append(infos["final_obs"])
         env.reset(seed=0)

@@ -1,4 +1,4 @@
-//! Numbers in and out: numpy arrays that are checked, copied or made.
+//! Numbers in and out: numpy arrays that are checked, copied or created.
 
 use numpy::{Element, PyArray1, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
@@ -20,7 +20,7 @@ pub fn numbers<T: Element + Copy>(what: &str, given: &Bound<'_, PyAny>, shapes: 
     };
     let Ok(array) = array.cast::<PyArrayDyn<T>>() else {
         let found = array.dtype();
-        // Byte order is part of a type.
+        // Byte order is part of a dtype.
         let known = if found.is_native_byteorder() == Some(false) { ", in this machine's byte order," } else { "" };
         let remedy = if wanted.kind() == b'b' { String::new() } else { format!("; take .astype(\"{wanted}\")") };
         return Err(PyTypeError::new_err(format!("{what}: numbers of {wanted}{known} are needed, not of {found}{remedy}")));
@@ -28,16 +28,16 @@ pub fn numbers<T: Element + Copy>(what: &str, given: &Bound<'_, PyAny>, shapes: 
     if !shapes.contains(&array.shape()) {
         return Err(PyValueError::new_err(format!("{what}: an array {form} is needed, not {:?}", array.shape())));
     }
-    // One read-only array may be borrowed more than once, and one that is being written to by Rust not at all.
+    // One read-only array may be borrowed more than once; one that Rust is writing to may not.
     let array = array.try_readonly().map_err(|e| PyValueError::new_err(format!("{what}: {e}")))?;
-    // In rows, however it lies.
+    // In row-major order, whatever its strides.
     Ok(array.as_array().iter().copied().collect())
 }
 
 /// A new array of these numbers.
 ///
 /// # Errors
-/// `ValueError` if they are not as many as the shape has.
+/// `ValueError` if their count differs from the shape's.
 pub fn made<'py, T: Element>(py: Python<'py>, numbers: Vec<T>, shape: &[usize]) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
     PyArray1::from_vec(py, numbers).reshape(shape)
 }

@@ -1,4 +1,4 @@
-//! Arrays on a card: the capsules of DLPack, both ways, in the order of both sides' streams.
+//! Arrays on a GPU: DLPack capsules, both ways, in the order of both sides' streams.
 
 use std::any::Any;
 use std::ffi::{CStr, c_void};
@@ -12,12 +12,12 @@ use pyo3::prelude::*;
 
 use crate::error::value;
 
-/// What a capsule is called until somebody takes what is in it.
+/// Name of a capsule until a consumer takes its content.
 const NAME: &CStr = c"dltensor";
-/// A card of CUDA, in the words of DLPack.
+/// DLPack's code of a CUDA device.
 const CUDA: i32 = 2;
 
-/// A kind of number: its code, its bits, and that it is one.
+/// DLPack's type of a number: code, bits, lanes (1).
 #[repr(C)]
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Kind(u8, u8, u16);
@@ -49,18 +49,18 @@ struct Tensor {
 #[repr(C)]
 struct Managed {
     tensor: Tensor,
-    /// Of ours, [`Kept`].
+    /// Our [`Kept`].
     kept: *mut c_void,
     delete: Option<unsafe extern "C" fn(*mut Managed)>,
 }
 
-/// What lives as long as somebody has an array.
+/// Owners that live as long as the array is in use.
 struct Kept {
     shape: Vec<i64>,
     _memory: Arc<dyn Any + Send + Sync>,
 }
 
-/// An array on a card, which libraries take by `from_dlpack` without a copy.
+/// An array on a GPU, which libraries take by `from_dlpack` without a copy.
 #[pyclass(frozen, module = "nerd")]
 pub struct CardArray {
     at: u64,
@@ -70,7 +70,7 @@ pub struct CardArray {
     order: Order,
 }
 
-/// The stream that writes an array; of a simulation that is its solver's.
+/// The stream that writes an array; in a simulation, its solver's.
 pub type Order = Arc<Mutex<Beside>>;
 
 /// The stream of this order.
@@ -79,7 +79,7 @@ pub fn beside(order: &Order) -> Beside {
 }
 
 impl CardArray {
-    /// Memory that others keep, as an array of this kind and shape.
+    /// Shared memory as an array of this kind and shape.
     pub fn new<T: 'static, M: Any + Send + Sync>(memory: &Arc<M>, of: &Buffer<T>, kind: Kind, shape: &[usize], order: &Order) -> Self {
         debug_assert_eq!(of.len, shape.iter().product::<usize>());
         let shape = shape.iter().map(|n| *n as i64).collect();
@@ -88,16 +88,16 @@ impl CardArray {
 }
 
 unsafe extern "C" fn delete(managed: *mut Managed) {
-    // SAFETY: whoever calls it got both from `__dlpack__`, and calls once.
+    // SAFETY: the caller got both from `__dlpack__`, and calls once.
     unsafe {
         let managed = Box::from_raw(managed);
         drop(Box::from_raw(managed.kept.cast::<Kept>()));
     }
 }
 
-/// Of a capsule that nobody took.
+/// Destructor of a capsule whose content may not have been taken.
 unsafe extern "C" fn end(capsule: *mut PyObject) {
-    // SAFETY: Python calls it once, and a name that is still ours says that nobody else deletes what is in it.
+    // SAFETY: Python calls it once, and while the name is still ours nobody else deletes the content.
     unsafe {
         if PyCapsule_IsValid(capsule, NAME.as_ptr()) == 1 {
             delete(PyCapsule_GetPointer(capsule, NAME.as_ptr()).cast());
@@ -107,12 +107,12 @@ unsafe extern "C" fn end(capsule: *mut PyObject) {
 
 #[pymethods]
 impl CardArray {
-    /// The kind of device, and which one.
+    /// The device type and its ordinal.
     fn __dlpack_device__(&self) -> (i32, usize) {
         (CUDA, beside(&self.order).ordinal())
     }
 
-    /// A capsule of DLPack. The stream of this handle waits until what was written is there.
+    /// A DLPack capsule. The stream with this handle waits until the array is written.
     #[pyo3(signature = (*, stream=None, max_version=None, dl_device=None, copy=None))]
     fn __dlpack__<'py>(
         &self,
@@ -126,7 +126,7 @@ impl CardArray {
         if copy == Some(true) || dl_device.is_some_and(|device| device != self.__dlpack_device__()) {
             return Err(pyo3::exceptions::PyBufferError::new_err("this array stays where it is: take it, then copy it"));
         }
-        // -1: whoever asks sees to the order.
+        // -1: the consumer synchronises by itself.
         match stream.unwrap_or(1) {
             -1 => {}
             handle => beside(&self.order).lead(handle as usize).map_err(value)?,
@@ -142,13 +142,13 @@ impl CardArray {
             first: 0,
         };
         let managed = Box::new(Managed { tensor, kept: Box::into_raw(kept).cast(), delete: Some(delete) });
-        // SAFETY: the capsule has what is in it until somebody takes it, and is Python's object from here on.
+        // SAFETY: the capsule owns its content until a consumer takes it, and is Python's object from here on.
         unsafe { Bound::from_owned_ptr_or_err(py, PyCapsule_New(Box::into_raw(managed).cast(), NAME.as_ptr(), Some(end))) }
     }
 }
 
-/// The address of an array on this card of exactly this kind and shape, in rows; the stream waits until it is there. Whoever reads it later
-/// lets the other side's stream wait for that.
+/// The address of an array on this GPU of exactly this kind and shape, row-major; the stream waits until it is written. After reading it,
+/// the caller makes the other side's stream wait for the read.
 ///
 /// # Errors
 /// `TypeError` for another object, device or kind, `ValueError` for another shape or layout.
@@ -176,14 +176,14 @@ pub fn address(what: &str, given: &Bound<'_, PyAny>, kind: Kind, shape: &[usize]
         return Err(wrong(format!("of {}", tensor.kind.name())));
     }
     let axes = tensor.axes.max(0) as usize;
-    // SAFETY: both have as many numbers as there are axes; strides may be left out.
+    // SAFETY: both have one entry per axis; strides may be null.
     let (found, strides) = unsafe {
         let list = |at: *mut i64| if axes == 0 || at.is_null() { Vec::new() } else { std::slice::from_raw_parts(at, axes).to_vec() };
         (list(tensor.shape), list(tensor.strides))
     };
     let wanted: Vec<i64> = shape.iter().map(|n| *n as i64).collect();
     let rows: Vec<i64> = (0..axes).map(|k| found[k + 1..].iter().product()).collect();
-    // Where an axis has one entry, its stride says nothing.
+    // The stride of an axis with one entry is meaningless.
     let lies = strides.iter().zip(&rows).zip(&found).all(|((stride, row), n)| stride == row || *n == 1);
     if found != wanted || !lies {
         return Err(PyValueError::new_err(format!("{what}: an array {shape:?} in rows is needed, not {found:?} by strides {strides:?}")));

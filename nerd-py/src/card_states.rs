@@ -1,4 +1,4 @@
-//! A simulation's states on a card.
+//! A simulation's states on a GPU.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 
 use crate::card::{CardArray, DOUBLE, Order, address, beside};
 
-/// Its states, and the library whose arrays they are shown as.
+/// The states, and the array library in which they are shown.
 pub struct Card {
     shared: Mutex<SharedStates>,
     states: Arc<Buffer<f64>>,
@@ -18,19 +18,19 @@ pub struct Card {
 }
 
 impl Card {
-    /// Those of a simulation from here on.
+    /// The states of a simulation, kept on the GPU from here on.
     pub fn new(simulation: &mut Simulation, xp: Py<PyAny>) -> Result<Self, StepError> {
         let shared = SharedStates::new(simulation)?;
         let (states, order) = (shared.states.clone(), Arc::new(Mutex::new(shared.beside())));
         Ok(Self { shared: Mutex::new(shared), states, order, xp })
     }
 
-    /// What is worked with by whoever has the simulation.
+    /// Locks the shared states.
     pub fn shared(&self) -> MutexGuard<'_, SharedStates> {
         self.shared.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Goes on with the simulation's new solver.
+    /// Continues with the simulation's new solver.
     pub fn hold(&self, simulation: &mut Simulation) -> Result<(), StepError> {
         let mut shared = self.shared();
         shared.hold(simulation)?;
@@ -38,7 +38,7 @@ impl Card {
         Ok(())
     }
 
-    /// The address of torques on the card.
+    /// The address of torques on the GPU.
     pub fn torques(&self, tau: &Bound<'_, PyAny>, shape: &[usize]) -> PyResult<u64> {
         address("tau", tau, DOUBLE, shape, &beside(&self.order))
     }

@@ -1,4 +1,4 @@
-//! Mass matrices, Jacobians and inverse dynamics in the numbers of a state: velocities, accelerations and forces as its qd.
+//! Mass matrices, Jacobians and inverse dynamics in the layout of a state: velocities, accelerations and forces as its qd.
 
 use nerd_core::dynamics::{Axes, Data};
 use nerd_core::nalgebra::{DMatrix, DVector, Vector3};
@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 
 use crate::arrays::{Floats, made, numbers};
 
-/// Of each state, or of the only one, what `work` makes of it and of its row of `beside`: an array of `shape` a state.
+/// Calls `work` for each state (or the only one) and its row of `beside`: an array of `shape` a state.
 pub fn each<'py>(
     py: Python<'py>,
     system: &Robot,
@@ -36,7 +36,7 @@ pub fn each<'py>(
     made(py, found, &like(shape))
 }
 
-/// The matrix by which a velocity of a state becomes one of the dynamics.
+/// The matrix that maps a velocity of a state to one of the dynamics.
 fn local(system: &Robot, q: &[f64]) -> DMatrix<f64> {
     let nv = system.robot.nv();
     let mut turn = DMatrix::identity(nv, nv);
@@ -56,7 +56,7 @@ pub fn jacobian(system: &Robot, frame: &FixedFrame, data: &mut Data, state: &[f6
     data.jacobian(&system.robot, q, frame, Axes::World) * turn
 }
 
-/// Forces for accelerations, which are rates of a state's twist: that of the root's velocity has `w x p_dot` more.
+/// Forces for accelerations, which are rates of a state's twist: the linear part has `w x p_dot` more than the root's acceleration.
 pub fn inverse_dynamics(system: &Robot, data: &mut Data, state: &[f64], rates: &[f64]) -> DMatrix<f64> {
     let (robot, turn) = (&system.robot, local(system, state));
     let (q, qd) = robot.split(state);

@@ -7,12 +7,12 @@ use nerd_sim::prelude::{StepError, System};
 use nerd_train::bounds;
 use pyo3::{PyErr, PyResult, Python, exceptions};
 
-/// Of what was asked for.
+/// A wrong argument.
 pub fn value(error: impl Display) -> PyErr {
     exceptions::PyValueError::new_err(error.to_string())
 }
 
-/// Of a step: what the solver has not is a wrong value, what it could not go on with happened at run time.
+/// A failed step: an unsupported feature is a ValueError, a failure to continue a RuntimeError.
 pub fn step(error: StepError) -> PyErr {
     match error {
         StepError::Refused(line) => value(line),
@@ -20,7 +20,7 @@ pub fn step(error: StepError) -> PyErr {
     }
 }
 
-/// Refuses numbers of environments out of range, and more than there is memory for, of so many bytes each.
+/// Refuses numbers of environments out of range, or that need more memory than there is, at `each` bytes an environment.
 pub fn room(n: i64, each: usize) -> PyResult<usize> {
     let (range, found) = (bounds::STARTS, u64::try_from(n).unwrap_or(0));
     if !range.contains(&found) {
@@ -35,7 +35,7 @@ pub fn seeded(seed: i64) -> PyResult<u64> {
     u64::try_from(seed).map_err(|_| value(format!("seed={seed}: a whole number from 0 on is needed")))
 }
 
-/// Warns of a robot whose `[vary]` is left alone.
+/// Warns that a robot's `[vary]` is ignored.
 pub fn alike(system: &System, option: &str) -> PyResult<()> {
     if system.spec.vary.is_none() {
         return Ok(());

@@ -37,7 +37,7 @@ mod _nerd {
     #[pymodule_export]
     use crate::task::Task;
 
-    /// Finds numpy while Python imports, where Ctrl-C and its absence are Python's errors.
+    /// Finds numpy during import, where Ctrl-C and a missing numpy are Python's errors.
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         module.py().import("numpy")?;

@@ -19,19 +19,19 @@ use crate::threads;
 #[pyclass(frozen, module = "nerd")]
 pub struct Model {
     folder: PathBuf,
-    /// Name of the robot that it is of.
+    /// Name of its robot.
     #[pyo3(get)]
     robot: String,
     /// The solver that it learned.
     #[pyo3(get)]
     truth: String,
-    /// SHA-256 of all that decides its predictions.
+    /// SHA-256 of everything that determines its predictions.
     #[pyo3(get)]
     sha256: String,
     /// Weights of its network.
     #[pyo3(get)]
     parameters: usize,
-    /// Frames that a prediction depends on; of one frame it has slopes.
+    /// Frames that a prediction depends on; a model of one frame has gradients.
     #[pyo3(get)]
     reach: usize,
 }
@@ -41,7 +41,7 @@ impl Model {
     #[new]
     fn new(folder: PathBuf) -> PyResult<Self> {
         let ModelConfig { robot, truth, model_sha256: sha256, network, .. } = ModelConfig::read(&folder).map_err(value)?;
-        // It stays the same wherever others work.
+        // An absolute path stays valid wherever others work.
         let folder = std::path::absolute(folder)?;
         Ok(Self { folder, robot, truth, sha256, parameters: network.parameters(), reach: network.reach() })
     }
@@ -85,13 +85,13 @@ impl Policy {
         format!("Policy({:?}, task={:?}, inputs={})", self.folder.display().to_string(), self.task, self.inputs())
     }
 
-    /// Numbers of a row that it sees: an observation, or of a policy that remembers the newest one and differences of the last ones.
+    /// Numbers of an input row: an observation; for a policy with memory, the newest one and differences of the last ones.
     #[getter]
     fn inputs(&self) -> usize {
         self.policy.shape.inputs()
     }
 
-    /// policy(rows): mean actions, float64 [n, action], for rows, float64 [n, inputs]; of one row [inputs] those alone.
+    /// policy(rows): mean actions, float64 [n, action], for rows, float64 [n, inputs]; one row [inputs] gives [action].
     fn __call__<'py>(&self, py: Python<'py>, rows: &Bound<'py, PyAny>) -> PyResult<Floats<'py>> {
         let (n, [inputs, action]) = (rows.len()?, [self.inputs(), self.policy.shape.action]);
         let numbers = numbers::<f64>("rows", rows, &[&[n, inputs], &[inputs]])?;

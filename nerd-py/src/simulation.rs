@@ -28,16 +28,16 @@ use crate::threads;
 ///
 /// Simulation(system, scene=None, n=1, solver="articulated", device="cpu", seed=0, xp=None)
 ///
-/// system: a System, or its name or path. scene: a name; None is the one of the robot's data, or free space.
-/// solver: "articulated", "settled" (the same, each substep solved to its end, for exact slopes), "rapier", "neural" (the model that
+/// system: a System, or its name or path. scene: a name; None means the scene of the robot's data, or free space.
+/// solver: "articulated", "settled" (the same, each substep solved to convergence, for exact gradients), "rapier", "neural" (the model that
 /// comes with the project) or the path of a model's folder.
-/// seed: of the starts that are drawn, here and by reset().
-/// xp: with device="cuda" the library of arrays on the card, torch, say: states are one of its arrays, and so is tau. All else comes over
+/// seed: of the random starts, here and by reset().
+/// xp: with device="cuda", the library of arrays on the GPU, such as torch: states and tau are its arrays. Everything else is copied over
 /// the host.
 ///
 /// vary: each environment has a robot of its own, drawn by [vary] of its TOML.
 ///
-/// Raises ValueError, in one line, for what does not go together.
+/// Raises ValueError, in one line, for arguments that do not fit each other.
 #[pyclass(frozen, module = "nerd")]
 pub struct Simulation {
     /// The robot.
@@ -56,7 +56,7 @@ pub struct Simulation {
     inner: Mutex<Inner>,
 }
 
-/// What one thread at a time works with.
+/// State that one thread at a time works with.
 pub struct Inner {
     pub simulation: nerd_sim::prelude::Simulation,
     /// Starts drawn by environment.
@@ -79,7 +79,7 @@ impl Simulation {
         done.map_err(step)
     }
 
-    /// Changes it by what undoes itself the second time: a card that cannot step it then keeps what was.
+    /// Applies a change that undoes itself when repeated: if the GPU cannot step the result, the former state is restored.
     fn change(&self, py: Python<'_>, mut turn: impl FnMut(&mut nerd_sim::prelude::Simulation) + Send) -> PyResult<()> {
         let done = self.with(py, |inner| -> Result<(), StepError> {
             turn(&mut inner.simulation);
@@ -92,7 +92,7 @@ impl Simulation {
         done?.map_err(step)
     }
 
-    /// So many numbers of each environment.
+    /// Reads `width` numbers of each environment.
     fn each<'py, E: Display + Send>(
         &self,
         py: Python<'py>,
@@ -133,7 +133,7 @@ impl Simulation {
             (false, Some(_)) => return Err(value("xp: arrays of another library are on the card alone: device=\"cuda\"")),
             _ => {}
         }
-        // Twice the states, forces, and what a solver keeps of one.
+        // Twice the states, forces, and a solver's memory of one environment.
         let n = room(n, 32 * system.robot.state_dim() + 24 * system.robot.contact_points.len() + 1024)?;
         let (scene, seed) = (scene.unwrap_or(named.data_scene()), seeded(seed)?);
         let batch = match (vary, system.spec.vary.is_some()) {
@@ -170,8 +170,8 @@ impl Simulation {
 
     /// step(tau): one frame under torques [n, joints] (N m or N), held over it, a numpy array of float64, or one on the card.
     ///
-    /// Raises RuntimeError if environments could not be stepped: `faults` has them, they keep their states, all others were stepped. On a
-    /// card it waits for nothing and does not raise that; one of a model stays where it is until it is reset.
+    /// Raises RuntimeError if environments could not be stepped: `faults` lists them, they keep their states, all others were stepped. On a
+    /// GPU it neither waits nor raises; a failed environment of a model stays in place until it is reset.
     fn step(&self, py: Python<'_>, tau: &Bound<'_, PyAny>) -> PyResult<()> {
         #[cfg(feature = "cuda")]
         if let Some(card) = &self.card {
@@ -196,9 +196,9 @@ impl Simulation {
         done?.map_err(step)
     }
 
-    /// The states [q, qd], float64 [n, nq + nv]: no copy but the batch's own memory, which every step writes to. Nobody reads or writes
-    /// it while another thread steps. A model of several frames remembers them: after you have written to it, call
-    /// reset(states=states). On a card it is an array of `xp` there, as little a copy.
+    /// The states [q, qd], float64 [n, nq + nv]: not a copy but the batch's own memory, which every step writes to. Do not read or write it
+    /// while another thread steps. A model of several frames has memory: after you have written to the states, call reset(states=states).
+    /// On a GPU this is an array of `xp`, not a copy either.
     #[getter]
     fn states<'py>(this: Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
         let own = this.get();
@@ -214,8 +214,8 @@ impl Simulation {
         }
     }
 
-    /// reset(mask=None, states=None): begins anew in the environments of a mask, bool [n]; None: in all. They begin at states,
-    /// float64 [n, nq + nv] or one for all, or else as the robot's own reset ranges are drawn by the seed.
+    /// reset(mask=None, states=None): restarts the environments of a mask, bool [n], or all. They begin at states, float64 [n, nq + nv] or
+    /// one for all, or else at random by the robot's own reset ranges.
     #[pyo3(signature = (mask=None, states=None))]
     fn reset(&self, py: Python<'_>, mask: Option<&Bound<'_, PyAny>>, states: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         let (n, [_, width]) = (self.n, self.widths());
@@ -250,26 +250,26 @@ impl Simulation {
         done?.map_err(step)
     }
 
-    /// poses(name): where a link or a frame is in the world, float64 [n, 7]: position (m), quaternion x y z w.
+    /// poses(name): world pose of a link or a frame, float64 [n, 7]: position (m), quaternion x y z w.
     fn poses<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Floats<'py>> {
         let numbers = |p: Isometry3<f64>| [p.translation.vector.as_slice(), p.rotation.coords.as_slice()].concat();
         self.each(py, 7, |batch, env| batch.pose(env, name).map(numbers))
     }
 
-    /// velocities(name): of a link or a frame, float64 [n, 6]: angular (rad/s), and of its origin (m/s), world axes.
+    /// velocities(name): of a link or a frame, float64 [n, 6]: angular (rad/s), linear of its origin (m/s), world axes.
     fn velocities<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Floats<'py>> {
         self.each(py, 6, |batch, env| batch.velocity(env, name).map(|v| v.vector().as_slice().to_vec()))
     }
 
-    /// contact_forces(link): mean force (N) of the scene on a moving link in the last frame, world axes, float64 [n, 3]. Raises
-    /// ValueError before the first frame and after one of a solver that tells none.
+    /// contact_forces(link): mean force (N) of the scene on a moving link in the last frame, world axes, float64 [n, 3]. Raises ValueError
+    /// before the first frame and after one of a solver that reports no forces.
     fn contact_forces<'py>(&self, py: Python<'py>, link: &str) -> PyResult<Floats<'py>> {
         self.each(py, 3, |batch, env| batch.contact_force(env, link).map(|f| f.as_slice().to_vec()))
     }
 
-    /// drive(targets, kp=None, kd=None): from now on `kp (target - q) - kd qd` acts at every joint beside a step's torques, in each of the
-    /// solver's substeps, so stiff gains stay stable, and within the joints' efforts. Each float64 [n, joints], [joints], or a number.
-    /// Without gains those of the robot's TOML, or else such as hold its weight. drive(None) ends it.
+    /// drive(targets, kp=None, kd=None): from now on `kp (target - q) - kd qd` acts at every joint in addition to a step's torques, in each
+    /// of the solver's substeps (so stiff gains stay stable) and within the joints' efforts. Each is float64 [n, joints], [joints], or a
+    /// number. Default gains are those in the robot's TOML, or else chosen to hold its weight. drive(None) ends it.
     #[pyo3(signature = (targets, kp=None, kd=None))]
     fn drive(
         &self,
@@ -303,7 +303,7 @@ impl Simulation {
         self.change(py, |simulation| std::mem::swap(&mut simulation.batch.drives, &mut drives))
     }
 
-    /// swap(solver): goes on with another solver from the same states, on the same device.
+    /// swap(solver): continues with another solver from the same states, on the same device.
     fn swap(&self, py: Python<'_>, solver: PathBuf) -> PyResult<()> {
         let mut solver = Choice { word: solver, device: self.device }.checked()?.solver(&self.system, self.n)?;
         self.change(py, |simulation| std::mem::swap(&mut simulation.solver, &mut solver))
@@ -316,7 +316,7 @@ impl Simulation {
         made(py, frames, &[self.n])
     }
 
-    /// Environments that the last step left where they were: (environment, frame, reason).
+    /// Environments that the last step could not step: (environment, frame, reason).
     #[getter]
     fn faults(&self, py: Python<'_>) -> PyResult<Vec<(usize, u64, String)>> {
         self.with(py, |inner| inner.faults.iter().map(|f| (f.env, f.frame, f.reason.clone())).collect())

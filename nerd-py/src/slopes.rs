@@ -1,4 +1,4 @@
-//! Slopes of a frame, for `nerd.torch` and everyone who follows gradients.
+//! Gradients of a frame, for `nerd.torch` and other gradient methods.
 
 use nerd_core::tangent::{by_numbers, numbers_back};
 use nerd_sim::prelude::StepError;
@@ -9,10 +9,10 @@ use crate::arrays::{Floats, made, numbers};
 use crate::error::step;
 use crate::simulation::{Inner, Simulation};
 
-/// Arrays of a frame: next states, and gradients by states and torques.
+/// Arrays of a frame: next states, and gradients with respect to states and torques.
 type Back<'py> = (Floats<'py>, Floats<'py>, Floats<'py>);
 
-/// A simulation at other states, and its own, which it gets back whatever happens: numpy arrays point at them.
+/// A simulation at temporary states. Its own are put back whatever happens: numpy arrays point at them.
 struct Lent<'a> {
     own: Vec<f64>,
     simulation: &'a mut nerd_sim::prelude::Simulation,
@@ -25,7 +25,7 @@ impl Drop for Lent<'_> {
 }
 
 impl Inner {
-    /// What is found from states, which are the batch's own for as long as that takes.
+    /// Calls `find` with the batch at these states.
     fn at<T>(&mut self, states: Vec<f64>, find: impl FnOnce(&mut nerd_sim::prelude::Simulation) -> T) -> T {
         let own = std::mem::replace(&mut self.simulation.batch.states, states);
         let lent = Lent { own, simulation: &mut self.simulation };
@@ -33,11 +33,12 @@ impl Inner {
     }
 }
 
-/// vjp(simulation, states, tau, by_next=None): the frame from states [n, nq + nv] under torques [n, joints], and its vector-Jacobian product:
-/// next states, and gradients by states and by torques of what has the gradient by_next [n, nq + nv] by the next states (None:
-/// zeros). All float64, by the numbers as they stand; the length of a quaternion counts for nothing. The simulation stays as it is.
+/// vjp(simulation, states, tau, by_next=None): the frame from states [n, nq + nv] under torques [n, joints], and its vector-Jacobian
+/// product. Returns next states, and gradients with respect to states and torques, from the upstream gradient by_next [n, nq + nv] with
+/// respect to the next states (None: zeros). All float64, with respect to the numbers of a state; a quaternion's length has no effect. The
+/// simulation is not changed.
 ///
-/// Raises ValueError for a solver without slopes: take "articulated" or a model whose network sees one frame.
+/// Raises ValueError for a solver without gradients: take "articulated" or a model whose network sees one frame.
 #[pyfunction]
 #[pyo3(signature = (simulation, states, tau, by_next=None))]
 pub fn vjp<'py>(
@@ -75,8 +76,8 @@ pub fn vjp<'py>(
     Ok((made(py, slopes.next, &[n, width])?, made(py, by_states, &[n, width])?, made(py, by_torques, &[n, joints])?))
 }
 
-/// linearise(simulation, tau): the next frame to first order, in tangent spaces of 2 nv numbers, pose then velocities (of a free root a turn,
-/// a way and velocities in its own axes): A [n, 2 nv, 2 nv] and B [n, 2 nv, joints], float64.
+/// linearise(simulation, tau): the next frame to first order, in tangent spaces of 2 nv numbers, pose then velocities (for a free root a
+/// rotation vector, a translation and velocities in its own axes): A [n, 2 nv, 2 nv] and B [n, 2 nv, joints], float64.
 #[pyfunction]
 pub fn linearise<'py>(simulation: &Simulation, py: Python<'py>, tau: &Bound<'py, PyAny>) -> PyResult<(Floats<'py>, Floats<'py>)> {
     let ([joints, _], n, size) = (simulation.widths(), simulation.n, 2 * simulation.system.robot.nv());
@@ -85,7 +86,7 @@ pub fn linearise<'py>(simulation: &Simulation, py: Python<'py>, tau: &Bound<'py,
     Ok((made(py, slopes.states, &[n, size, size])?, made(py, slopes.torques, &[n, size, joints])?))
 }
 
-/// Makes quaternions of free roots units; their lengths.
+/// Normalises quaternions of free roots; returns their lengths.
 fn units(floating: bool, states: &mut [f64], width: usize) -> Vec<f64> {
     let rows = states.chunks_exact_mut(width).filter(|_| floating);
     let unit = |row: &mut [f64]| {

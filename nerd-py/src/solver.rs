@@ -12,12 +12,12 @@ use pyo3::PyResult;
 
 use crate::error::value;
 
-/// Change (of drags, relative) at which a substep is solved, and most solves.
+/// Relative change of drags at which a substep counts as solved, and the most solves.
 const SETTLED: f64 = 1e-13;
 const SOLVES: usize = 1000;
 
-/// A solver by its name, "articulated", "settled" (the same, each substep solved to its end, for exact slopes), "rapier" or "neural" (the
-/// model that comes with the project), or by a model's folder; and where it is computed.
+/// A solver by name: "articulated", "settled" (the same, each substep solved to convergence, for exact gradients), "rapier" or "neural"
+/// (the model that comes with the project), or a model's folder; and its device.
 pub struct Choice {
     pub word: PathBuf,
     pub device: Device,
@@ -38,10 +38,10 @@ impl Choice {
         Self { word, device }.checked()
     }
 
-    /// Itself, if there is such a solver on the device.
+    /// Returns itself if the solver runs on the device.
     ///
     /// # Errors
-    /// If it is on the CPU alone.
+    /// If it runs on the CPU alone.
     pub fn checked(self) -> PyResult<Self> {
         if self.device != Device::Cpu && ["rapier", "settled"].into_iter().any(|name| self.word == Path::new(name)) {
             return Err(value(format!("device \"cuda\": {} is on the CPU", self.word.display())));
@@ -49,10 +49,10 @@ impl Choice {
         Ok(self)
     }
 
-    /// The solver of a system for so many environments.
+    /// The solver of a system for `n` environments.
     ///
     /// # Errors
-    /// If there is none of that name, or its model is of another robot.
+    /// If no solver has this name, or the model is of another robot.
     pub fn solver(&self, system: &Arc<System>, n: usize) -> PyResult<Box<dyn Solver>> {
         let setting = match self.word.to_str() {
             Some("articulated") if system.spec.truth == Truth::Paper => Setting::Paper,
@@ -78,7 +78,7 @@ impl Choice {
         Ok(if motors { Box::new(Rig::new(solver)) } else { solver })
     }
 
-    /// What a task's episodes run on, of a family where one is named.
+    /// The arena of a task's episodes, with a family if one is named.
     ///
     /// # Errors
     /// As [`Self::solver`].

@@ -10,23 +10,23 @@ use crate::arrays::{Floats, made};
 use crate::dynamics;
 use crate::error::value;
 
-/// A robot with what its file does not say: frame time, gravity, materials, starts, scenes.
+/// A robot with everything its file leaves open: frame time, gravity, materials, starts, scenes.
 ///
 /// System("ant"), or the path of a URDF, an MJCF (.xml) or a cable's TOML.
 ///
-/// Raises ValueError, in one line, for a name or a file that is none.
+/// Raises ValueError, in one line, for an unknown name or an unreadable file.
 #[pyclass(frozen, from_py_object, module = "nerd")]
 #[derive(Clone)]
 pub struct System {
     pub system: Arc<nerd_sim::prelude::System>,
-    /// What it was read by.
+    /// The name or path it was read by.
     source: String,
 }
 
 impl System {
     /// One that was read by this name.
     pub fn of(name: &Path, system: Arc<nerd_sim::prelude::System>) -> Self {
-        // A file stays the same wherever others work. Names that are built in have no ending, those of files do.
+        // An absolute path stays valid wherever others work. Built-in names have no extension, file names do.
         let file = name.extension().and_then(|_| std::path::absolute(name).ok());
         Self { system, source: file.as_deref().unwrap_or(name).to_string_lossy().into_owned() }
     }
@@ -76,7 +76,7 @@ impl System {
         self.system.robot.joints().map(|joint| joint.name.as_str()).collect()
     }
 
-    /// Largest effort of each joint (N m or N), infinite where its file gives none: kept by drives, not by torques that are given.
+    /// Largest effort of each joint (N m or N), infinite where its file gives none. Drives keep it; torques given directly do not.
     #[getter]
     fn efforts<'py>(&self, py: Python<'py>) -> PyResult<Floats<'py>> {
         let efforts: Vec<f64> = self.system.robot.joints().map(|joint| joint.effort).collect();
@@ -84,7 +84,7 @@ impl System {
         made(py, efforts, &[joints])
     }
 
-    /// Lower and upper limit of each joint (rad or m), float64 [joints, 2], infinite where there is none.
+    /// Lower and upper limit of each joint (rad or m), float64 [joints, 2], infinite without a limit.
     #[getter]
     fn limits<'py>(&self, py: Python<'py>) -> PyResult<Floats<'py>> {
         let free = [-f64::INFINITY, f64::INFINITY];
@@ -98,7 +98,7 @@ impl System {
         self.system.robot.mass()
     }
 
-    /// Gravity (m/s^2), by axis of the world: up is against it.
+    /// Gravity (m/s^2), by axis of the world: up is the opposite direction.
     #[getter]
     fn gravity(&self) -> [f64; 3] {
         self.system.spec.gravity
@@ -118,7 +118,7 @@ impl System {
         self.system.robot.links.iter().map(|link| link.name.as_str()).collect()
     }
 
-    /// Names of what is fixed on a link or on the base (soles, tools); poses know them, too.
+    /// Names of frames fixed on a link or on the base (soles, tools); poses accept them, too.
     #[getter]
     fn frames(&self) -> Vec<&str> {
         self.system.robot.frames.iter().map(|frame| frame.name.as_str()).collect()
@@ -136,37 +136,37 @@ impl System {
         self.system.all_scenes()
     }
 
-    /// Name of the scene that a simulation has where none is named: the one of the robot's data, or free space.
+    /// Name of a simulation's default scene: the scene of the robot's data, or free space.
     #[getter]
     pub fn data_scene(&self) -> &str {
         self.system.spec.data_scene.as_deref().unwrap_or("free")
     }
 
-    /// What was taken for granted of the robot's file, a line each.
+    /// Assumptions made about the robot's file, a line each.
     #[getter]
     fn notes(&self) -> Vec<&str> {
         self.system.notes.iter().map(String::as_str).collect()
     }
 
-    /// mass_matrix(states): M, float64 [n, nv, nv] (kg, kg m, kg m^2, with armatures), for states [n, nq + nv]; of one state [nq + nv] one
-    /// matrix. The kinetic energy is `qd M qd / 2`. Its rows and columns, as those of all of these, are of qd in `columns`: of a free root
-    /// the twist about the world's origin.
+    /// mass_matrix(states): M, float64 [n, nv, nv] (kg, kg m, kg m^2, with armatures), for states [n, nq + nv]; one state [nq + nv] gives
+    /// one matrix. The kinetic energy is `qd M qd / 2`. Rows and columns, here and below, follow qd in `columns`: for a free root the twist
+    /// about the world's origin.
     fn mass_matrix<'py>(&self, py: Python<'py>, states: &Bound<'py, PyAny>) -> PyResult<Floats<'py>> {
         let nv = self.nv();
         dynamics::each(py, &self.system, states, None, &[nv, nv], |data, state, _| dynamics::mass_matrix(&self.system, data, state))
     }
 
-    /// jacobian(name, states): of a link or a frame, float64 [n, 6, nv]: `J qd` is its angular velocity (rad/s), and that of its origin
-    /// (m/s), world axes; `J^T` makes forces of a moment (N m) and a force (N) there.
+    /// jacobian(name, states): of a link or a frame, float64 [n, 6, nv]: `J qd` is its angular velocity (rad/s) and its origin's velocity
+    /// (m/s), world axes; `J^T` maps a moment (N m) and a force (N) there to joint forces.
     fn jacobian<'py>(&self, py: Python<'py>, name: &str, states: &Bound<'py, PyAny>) -> PyResult<Floats<'py>> {
         let frame = self.system.robot.frame(name).map_err(value)?;
         let of = |data: &mut Data, state: &[f64], _: &[f64]| dynamics::jacobian(&self.system, &frame, data, state);
         dynamics::each(py, &self.system, states, None, &[6, self.nv()], of)
     }
 
-    /// inverse_dynamics(states, accelerations=None): forces `M qdd + h`, float64 [n, nv] (N m or N; of a free root the moment about the
-    /// world's origin and the force), for the rates qdd of qd, [n, nv]; without them h: of gravity, Coriolis and centrifugal forces.
-    /// Damping, limits and contact are not in it.
+    /// inverse_dynamics(states, accelerations=None): forces `M qdd + h`, float64 [n, nv] (N m or N; for a free root the moment about the
+    /// world's origin and the force), for the rates qdd of qd, [n, nv]; without them h: gravity, Coriolis and centrifugal forces. Damping,
+    /// limits and contact are excluded.
     #[pyo3(signature = (states, accelerations=None))]
     fn inverse_dynamics<'py>(
         &self,
@@ -187,14 +187,14 @@ impl System {
 /// A system, or the name of one.
 #[derive(FromPyObject)]
 pub enum Named {
-    /// One that is there.
+    /// A system.
     System(System),
-    /// One to be read.
+    /// A name or path to read.
     Name(PathBuf),
 }
 
 impl Named {
-    /// What it is read by.
+    /// Its name or path.
     pub fn source(&self) -> String {
         match self {
             Self::System(system) => system.source.clone(),

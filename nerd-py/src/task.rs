@@ -1,4 +1,4 @@
-//! Episodes of a task in many environments, as `nerd.gym` makes environments of them.
+//! Episodes of a task in many environments, from which `nerd.gym` makes environments.
 
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
@@ -13,7 +13,7 @@ use crate::solver::Choice;
 use crate::system::{Named, System};
 use crate::threads;
 
-/// Rewards, terminated, truncated, observations reached, misses, faults, terms.
+/// Rewards, terminated, truncated, observations reached, errors, faults, terms.
 type Stepped<'py> = (Floats<'py>, Bools<'py>, Bools<'py>, Floats<'py>, Floats<'py>, Bools<'py>, Floats<'py>);
 type Bools<'py> = Bound<'py, PyArrayDyn<bool>>;
 
@@ -21,15 +21,15 @@ type Bools<'py> = Bound<'py, PyArrayDyn<bool>>;
 ///
 /// Task(name, robot=None, n=1, solver="articulated", device="cpu", seed=0, family=None)
 ///
-/// name: a built-in task or the path of a task's .toml; robot: of a task for any robot, a System, a name or a path. seed: what episode k
-/// of environment i draws depends on it, i and k alone, here and on the command line. family: a robot with [vary], of which each
-/// environment draws its own.
+/// name: a built-in task or the path of a task's .toml; robot: for a task of any robot, a System, a name or a path. seed: random draws of
+/// episode k in environment i depend on it, i and k alone, here and on the command line. family: a robot with [vary], which is drawn for
+/// each environment.
 #[pyclass(frozen, module = "nerd")]
 pub struct Task {
-    /// What it was called by.
+    /// The name it was created with.
     #[pyo3(get)]
     name: String,
-    /// Names of what its reward is made of.
+    /// Names of the reward's terms.
     #[pyo3(get)]
     terms: Vec<String>,
     /// The robot.
@@ -54,7 +54,7 @@ pub struct Task {
     inner: Mutex<Episodes>,
 }
 
-/// What a task is, by its name.
+/// A task read by its name.
 pub struct Read {
     pub about: nerd_tasks::About,
     pub name: String,
@@ -66,7 +66,7 @@ pub struct Read {
 /// A task by its name or path, and its episodes in n environments.
 ///
 /// # Errors
-/// If there is no such task, robot or solver, or not as much memory.
+/// If there is no such task, robot or solver, or not enough memory.
 pub fn read(
     name: PathBuf,
     robot: Option<Named>,
@@ -90,7 +90,7 @@ pub fn read(
     threads::here(n)?;
     let (about, terms) = (task.about(), task.terms().to_vec());
     let mut episodes = arena.begin(task, n, seeded(seed)?).map_err(value)?;
-    // Nobody goes on with these from a file.
+    // These episodes are never continued from a file.
     episodes.remember(0);
     Ok((Read { about, name, terms, system, family }, episodes))
 }
@@ -117,10 +117,9 @@ impl Task {
         Ok(Self { name, terms, system, n, observation, action, steps, frames, family, inner })
     }
 
-    /// step(actions): float64 [n, action], clamped to [-1, 1]. Rewards [n], terminated [n], truncated [n], observations [n,
-    /// observation] of the states reached, and [n] by how much each missed what is asked for, in units of what may be missed (NaN
-    /// of a task that does not speak of success), [n] whether the solver could not go on, and [n, terms] what rewards are made of. Ended episodes have restarted:
-    /// observations() are those of the new ones.
+    /// step(actions): float64 [n, action], clamped to [-1, 1]. Returns rewards [n], terminated [n], truncated [n], observations [n,
+    /// observation] of the states reached, errors [n] in units of the task's tolerance (NaN if the task defines no error), faults [n]
+    /// (whether the solver failed), and reward terms [n, terms]. Ended episodes have restarted: observations() then shows their starts.
     fn step<'py>(&self, py: Python<'py>, actions: &Bound<'py, PyAny>) -> PyResult<Stepped<'py>> {
         let actions = numbers::<f64>("actions", actions, &[&[self.n, self.action]])?;
         if let Some(at) = actions.iter().position(|x| x.is_nan()) {
@@ -148,7 +147,7 @@ impl Task {
         made(py, states, &[self.n, self.system.system.robot.state_dim()])
     }
 
-    /// swap(solver, device="cpu"): goes on with another solver from the same states.
+    /// swap(solver, device="cpu"): continues with another solver from the same states.
     #[pyo3(signature = (solver, device="cpu"))]
     fn swap(&self, py: Python<'_>, solver: PathBuf, device: &str) -> PyResult<()> {
         let task = nerd_tasks::named(&self.name).map_err(value)?;
@@ -162,13 +161,13 @@ impl Task {
         self.with(py, |all| all.seeded(seed))
     }
 
-    /// Numbers of the present episodes, int [n], of which the first is 1.
+    /// Numbers of the present episodes, int [n], from 1.
     #[getter]
     fn numbers<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArrayDyn<u64>>> {
         made(py, self.with(py, |all| all.numbers().to_vec())?, &[self.n])
     }
 
-    /// begin(mask, numbers): begins the episodes of these numbers, int [n], in the environments of a mask, bool [n].
+    /// begin(mask, numbers): begins the episodes with these numbers, int [n], in the environments of a mask, bool [n].
     fn begin(&self, py: Python<'_>, mask: &Bound<'_, PyAny>, numbers: &Bound<'_, PyAny>) -> PyResult<()> {
         let mask = self.mask(mask)?;
         let numbers = crate::arrays::numbers::<u64>("numbers", numbers, &[&[self.n]])?;

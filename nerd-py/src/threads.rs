@@ -1,4 +1,4 @@
-//! Forked processes, which keep no threads but one.
+//! Forked processes, which keep only one thread.
 
 use std::sync::OnceLock;
 
@@ -7,7 +7,7 @@ use pyo3::{PyResult, exceptions::PyRuntimeError};
 /// The process that began to step environments side by side.
 static OWNER: OnceLock<u32> = OnceLock::new();
 
-/// Refuses to step several environments where the threads for that have stayed behind, which would wait for ever.
+/// Refuses to step several environments in a forked process: its worker threads did not survive the fork, so a step would wait for ever.
 pub fn here(n: usize) -> PyResult<()> {
     let me = std::process::id();
     if n > 1 && *OWNER.get_or_init(|| me) != me {

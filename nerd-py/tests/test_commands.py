@@ -76,7 +76,7 @@ def test_an_interrupted_verb_leaves_no_process(tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         nerd.train("pendulum", tmp_path / "run", recipe="quick", transitions=2000, updates=10**6)
     [process] = started
-    assert process.returncode == -signal.SIGTERM
+    assert process.returncode == 128 + signal.SIGTERM
 
 
 @pytest.mark.parametrize("robot", ["pendulum", "ant"])
@@ -93,7 +93,7 @@ def test_what_was_recorded_is_what_is_read(robot, tmp_path, models):
     assert f'scene = "{simulation.system.data_scene}"' in said and 'about = "Zürich 😀"' in said
     rows = nerd.run("evaluate", data=log, model=models / robot, frames=10)["verdict"]
     errors = {row["solver"]: max(row["error"]) for row in rows}
-    # The model's are 0.0001 and 0.0005; who holds still errs by 0.1 and more.
+    # The model's errors are 0.0001 and 0.0005; holding still has errors of 0.1 and more.
     assert errors["articulated, as described"] < 1e-9 < errors["model"] < 2e-3, errors
     with pytest.raises(ValueError, match="needed"):
         nerd.record(tmp_path / "log", simulation.system, states[..., 1:], tau)
@@ -138,7 +138,7 @@ def test_a_process_steps_or_says_why_not(method, answer):
 def test_ctrl_c_ends_a_loop_of_steps(root):
     program = (
         "import nerd, numpy as np, signal\n"
-        # What a shell starts in the background ignores it.
+        # A shell's background processes ignore it.
         "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "s = nerd.Simulation('ant', n=256)\n"
         "t = np.zeros((256, 8))\n"

@@ -74,7 +74,7 @@ def test_forces_are_rates_of_momentum(robot):
     assert np.abs(power - rate(system, states, accelerations, energy)).max() < 1e-5 * np.abs(power).max(), "power is the rate of energy"
     found = rate(system, states, accelerations, momentum)
     if system.nq > system.nv:
-        # Of all of it, about the world's origin.
+        # Of the whole robot, about the world's origin.
         rows = slice(6)
         assert np.abs(weight[:, 3:6] + np.array(system.gravity) * system.mass).max() < 1e-9, "what holds it bears its weight"
     else:

@@ -47,7 +47,7 @@ def test_systems_are_read_from_files(tmp_path, monkeypatch):
     for name in (file, str(file)):
         system = nerd.System(name)
         assert system.joints == ["hinge"] and system.source == str(file)
-    # Only a file is made absolute, and not what has a built-in robot's name.
+    # Only a file's path is made absolute, not a name that matches a built-in robot.
     monkeypatch.chdir(tmp_path)
     (tmp_path / "ant").mkdir()
     assert nerd.System("two.urdf").source == str(file) and nerd.System("ant").source == "ant"

@@ -4,7 +4,7 @@ import nerd
 import numpy as np
 import pytest
 
-# So small that no contact begins or ends within it: what bears a robot is some micrometres deep.
+# So small that no contact begins or ends within it: contacts that carry a robot are some micrometres deep.
 EPS = 1e-8
 
 

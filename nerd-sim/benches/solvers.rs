@@ -1,7 +1,7 @@
-//! Frames per second of the analytic solvers on one thread: a batch of 64 is stepped as the solvers step it, and the
-//! state is checked to be finite in the same run. `cargo bench -p nerd-sim --bench solvers`; the report's time is that of
-//! 64 frames, "thrpt" is frames per second. And what a frame's vector-Jacobian product costs beside the frame: one gradient by state and torque
-//! for each of 64 environments, on states that random torques visit.
+//! Frames per second of the analytic solvers on one thread: a batch of 64 is stepped as the solvers step it, and the state is checked to be
+//! finite in the same run. `cargo bench -p nerd-sim --bench solvers`; the report's time is for 64 frames, "thrpt" is frames per second.
+//! Also the cost of a frame's vector-Jacobian product: one gradient with respect to state and torque for each of 64 environments, on states
+//! that random torques visit.
 
 #[path = "../tests/common/mod.rs"]
 mod common;
@@ -10,7 +10,7 @@ use common::*;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use rand::RngExt;
 
-/// After so many frames a batch starts anew, so that every sample sees the same mix of flight and contact.
+/// Frames after which a batch starts anew, so that every sample sees the same mix of flight and contact.
 const EPISODE: usize = 100;
 
 fn bench(c: &mut Criterion, name: &str, robot: &str, scene: &str, mut solver: impl Solver) {
@@ -55,7 +55,7 @@ fn slopes(c: &mut Criterion) {
         (0..64).for_each(|env| batch.reset(env, &start(&system, Start::Reset, &mut stream(0, env as u64))));
         let amplitudes = system.torque_amplitudes();
         let mut pushed = || (0..64).flat_map(|_| &amplitudes).map(|a| a * random.random_range(-1.0..=1.0)).collect::<Vec<f64>>();
-        // Then robots that fell from `reset` are on the ground.
+        // Robots that fell from `reset` are on the ground by then.
         (0..60).for_each(|_| solver.step(&mut batch, &pushed()).expect("steps"));
         let (torques, by_next) = (pushed(), vec![1.0; 64 * 2 * system.robot.nv()]);
         let mut group = c.benchmark_group(format!("{robot} {scene}"));

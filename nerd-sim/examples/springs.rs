@@ -3,7 +3,6 @@
 
 use nalgebra::Isometry3;
 use nerd_sim::prelude::*;
-use nerd_sim::scene::contacts;
 use nerd_sim::suite::bodies::Body;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -14,7 +13,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for _ in 0..20_000 {
         let (q, twist) = robot.split(state);
         let (mut velocity, mut tau) = (twist.to_local(robot, q), vec![0.0; robot.nv()]);
-        contacts(robot, scene, state, &mut data, &mut events);
+        contacts(&system, scene, state, &mut data, &mut events);
         for (point, event) in robot.contact_points.iter().zip(&events).filter(|(point, event)| event.distance < point.radius) {
             let material = scene.colliders[event.collider].material.mean(&system.spec.material);
             let frame = FixedFrame { name: String::new(), link: Some(point.link), pose: Isometry3::from(point.local) };

@@ -1,31 +1,32 @@
 //! Arrays of numbers by name, as numpy's .npz and .safetensors files hold them, as columns of a table.
 //!
-//! Column `q` is an array with one number a row, and `q.2` is component 2 of one whose last axis has several. What is left are rows, or
-//! trajectories and their rows.
+//! Column `q` is an array with one number a row, and `q.2` is component 2 of an array whose last axis has several. The other axes are rows,
+//! or trajectories and their rows.
 
 use std::{borrow::Cow, fs::File, io::Read};
 
 use safetensors::tensor::SafeTensors;
 
+use crate::files::{LARGEST_TABLE, too_large};
 use crate::internal::*;
 
 pub(crate) struct Arrays {
     arrays: BTreeMap<String, Array>,
-    /// Its array, how many numbers that has a row, and which of them it is.
+    /// For each column its array, the array's numbers a row, and the component's index.
     columns: Vec<(String, usize, usize)>,
-    /// Trajectories, where there is an axis of them, and rows of each.
+    /// Number of trajectories, where the arrays have that axis, and rows of each.
     shape: (Option<usize>, usize),
 }
 
 struct Array {
     shape: Vec<usize>,
-    /// Bytes of a number, and what they say.
+    /// Bytes of a number, and its decoder.
     kind: (usize, fn(&[u8]) -> f64),
     bytes: Vec<u8>,
 }
 
 impl Arrays {
-    /// Whether a file's ending says that it holds arrays.
+    /// Whether a file's extension is an array format's.
     pub fn named(path: &Path) -> bool {
         path.extension().is_some_and(|e| e == "npz" || e == "safetensors")
     }
@@ -33,7 +34,7 @@ impl Arrays {
     pub fn read(path: &Path, wanted: &[&String]) -> Result<Self, FileError> {
         let wrong = |reason: String| FileError::new(path, reason);
         let used = |name: &str| wanted.iter().any(|w| *w == name || split(w).is_some_and(|(array, _)| array == name));
-        let all = if path.extension().is_some_and(|e| e == "npz") { npz(path, &used) } else { tensors(path, &used) };
+        let all = if path.extension().is_some_and(|e| e == "npz") { npz(path, LARGEST_TABLE, &used) } else { tensors(path, &used) };
         let (arrays, names) = all.map_err(wrong)?;
         let (mut columns, mut shape) = (Vec::new(), None);
         for name in wanted {
@@ -68,7 +69,7 @@ impl Arrays {
         self.shape.0.unwrap_or(1) * self.shape.1
     }
 
-    /// Trajectory and row in it.
+    /// Trajectory and row in it, of a row counted over all.
     pub fn place(&self, row: usize) -> (Option<u64>, u64) {
         let rows = self.shape.1.max(1);
         (self.shape.0.map(|_| (row / rows) as u64), (row % rows) as u64)
@@ -92,7 +93,7 @@ fn said((trajectories, rows): (Option<usize>, usize)) -> String {
 }
 
 impl Array {
-    /// Of a type by its name in numpy or safetensors.
+    /// An array of a type by its name in numpy or safetensors.
     fn new(name: &str, kind: &str, shape: Vec<usize>, bytes: Cow<'_, [u8]>) -> Result<Self, String> {
         let kind: (usize, fn(&[u8]) -> f64) = match kind {
             "<f4" | "F32" => (4, |b| b.first_chunk().map_or(f64::NAN, |b| f64::from(f32::from_le_bytes(*b)))),
@@ -108,11 +109,11 @@ impl Array {
     }
 }
 
-/// Some arrays, and the names of all.
+/// The requested arrays, and the names of all.
 type Found = (BTreeMap<String, Array>, Vec<String>);
 
 fn tensors(path: &Path, used: &dyn Fn(&str) -> bool) -> Result<Found, String> {
-    let bytes = crate::files::read(path).map_err(|e| e.to_string())?;
+    let bytes = crate::files::read_most(path, LARGEST_TABLE).map_err(|e| e.to_string())?;
     let file = SafeTensors::deserialize(&bytes).map_err(|e| e.to_string())?;
     let mut names: Vec<String> = file.names().into_iter().map(String::from).collect();
     names.sort();
@@ -125,17 +126,22 @@ fn tensors(path: &Path, used: &dyn Fn(&str) -> bool) -> Result<Found, String> {
     Ok((arrays, names))
 }
 
-fn npz(path: &Path, used: &dyn Fn(&str) -> bool) -> Result<Found, String> {
+fn npz(path: &Path, most: u64, used: &dyn Fn(&str) -> bool) -> Result<Found, String> {
     crate::files::is_file(path).map_err(|e| e.to_string())?;
     let file = File::open(path).map_err(|e| e.to_string())?;
     let mut zip = zip::ZipArchive::new(std::io::BufReader::new(file)).map_err(|e| e.to_string())?;
-    let (mut arrays, mut names) = (BTreeMap::new(), Vec::new());
+    let (mut arrays, mut names, mut left) = (BTreeMap::new(), Vec::new(), most);
     for k in 0..zip.len() {
         let mut entry = zip.by_index(k).map_err(|e| e.to_string())?;
         let Some(name) = entry.name().strip_suffix(".npy").map(String::from) else { continue };
         if used(&name) {
-            let mut bytes = Vec::new();
-            entry.read_to_end(&mut bytes).map_err(|e| format!("array `{name}`: {e}"))?;
+            let (size, mut bytes) = (entry.size(), Vec::new());
+            if size > left {
+                return Err(format!("array `{name}` {}", too_large(size, left)));
+            }
+            left -= size;
+            // Content that unpacks to more than its stated size is cut, and then refused by its length.
+            entry.by_ref().take(size).read_to_end(&mut bytes).map_err(|e| format!("array `{name}`: {e}"))?;
             arrays.insert(name.clone(), npy(&name, &bytes)?);
         }
         names.push(name);
@@ -160,4 +166,25 @@ fn npy(name: &str, bytes: &[u8]) -> Result<Array, String> {
         return Err(format!("array `{name}` has its columns in a row each; save numpy.ascontiguousarray({name})"));
     }
     Array::new(name, kind.trim_matches('\''), shape, bytes[end..].into())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Write;
+
+    use super::*;
+
+    #[test]
+    fn an_array_that_unpacks_to_more_than_is_borne_is_refused_with_its_size() {
+        let file = tempfile::NamedTempFile::new().expect("a file");
+        let mut zip = zip::ZipWriter::new(file.reopen().expect("opened"));
+        zip.start_file("q.npy", zip::write::FileOptions::default()).expect("begun");
+        (0..64).for_each(|_| zip.write_all(&[0; 1 << 20]).expect("written"));
+        zip.finish().expect("done");
+        let packed = file.path().metadata().expect("there").len();
+        let said = npz(file.path(), 1 << 25, &|_| true).err().unwrap_or_default();
+        assert_eq!(said, "array `q` has 64 MB; at most 32 MB are read", "{packed} bytes");
+        // Arrays that are not requested are not unpacked.
+        assert!(npz(file.path(), 1 << 25, &|_| false).is_ok());
+    }
 }

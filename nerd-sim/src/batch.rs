@@ -36,6 +36,9 @@ pub struct Batch {
     /// Drives `[env][joint]`, whose torques are added to those of a frame; empty: none. For solvers that can hold them
     /// ([`crate::solver::Capabilities`]).
     pub drives: Vec<Drive>,
+    /// Whether the torques of a frame are those of the robots' position laws as it begins, which go on acting inside it as drives within the law's
+    /// bounds; then `drives` is empty. For solvers that have drives: [`crate::solver::Simulation::serve`].
+    pub servo: bool,
     /// Mean force (N) of the scene on each contact point in the last frame, `[env][point]`, world axes; empty where the solver tells
     /// none. By link: [`Batch::contact_force`].
     pub forces: Vec<Vector3<f64>>,
@@ -51,6 +54,7 @@ impl Batch {
             scenes: vec![scene.clone(); n],
             frames: vec![0; n],
             drives: Vec::new(),
+            servo: false,
             forces: Vec::new(),
         }
     }
@@ -82,6 +86,9 @@ impl Batch {
             if found != 0 && found != needed {
                 return Err(format!("a batch of {n} scenes needs {needed} `{field}`, {each}, or none; it has {found}"));
             }
+        }
+        if self.servo && (!self.drives.is_empty() || self.system.spec.control.is_none()) {
+            return Err("a batch whose torques are those of servos has no `drives` beside them, and a robot with a position law".into());
         }
         if self.states.len() == n * d && self.frames.len() == n {
             return Ok(());

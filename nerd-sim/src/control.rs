@@ -8,6 +8,8 @@ pub struct Controller {
     system: Arc<System>,
     /// Stiffness (N m/rad or N/m) and damping (N m s/rad or N s/m) by joint; without a PD law both are zero.
     pub gains: Vec<[f64; 2]>,
+    /// Whether the law acts inside the frame ([`crate::solver::Simulation::serve`]): torques are those of its beginning, without bounds.
+    pub servo: bool,
     ahead: Option<Ahead>,
     wraps: Vec<bool>,
     /// Distance from the target and velocity by joint, now or a frame ahead.
@@ -20,7 +22,7 @@ impl Controller {
         let ahead = system.spec.control.is_some_and(|control| control.ahead);
         let gains = system.joint_specs().map(|j| [j.kp, j.kd]).collect();
         let wraps = system.robot.joints().map(|j| j.wraps()).collect();
-        Self { system: system.clone(), gains, ahead: ahead.then(|| Ahead::new(system)), wraps, gaps: Vec::new() }
+        Self { system: system.clone(), gains, servo: false, ahead: ahead.then(|| Ahead::new(system)), wraps, gaps: Vec::new() }
     }
 
     /// From here on that of another robot of the same family.
@@ -45,6 +47,8 @@ impl Controller {
     /// (M + h kd + h^2 kp) qdd = kp (target - q - h qd) - kd qd - bias
     /// tau = kp (target - q - h qd - h^2 qdd) - kd (qd + h qdd)
     /// ```
+    ///
+    /// Of a light link it is as soft as the frame is long, contact or not; a servo that acts inside the frame is not.
     ///
     /// # Panics
     /// If `state`, `action` and `out` are not of the system's sizes.
@@ -97,7 +101,7 @@ impl Controller {
 
     /// Finds how far the position law's joints are from their targets, and how fast, now or, if that is looked at, a frame ahead.
     fn look(&mut self, state: &[f64], action: &[f64]) -> bool {
-        let Self { system, gains, ahead, wraps, gaps } = self;
+        let Self { system, gains, servo, ahead, wraps, gaps } = self;
         let (robot, h) = (&system.robot, system.frame_time);
         let (q, qd) = state.split_at(robot.nq());
         let (q, qd) = (&q[robot.root_coords()..], &qd[robot.root_dofs()..]);
@@ -108,7 +112,7 @@ impl Controller {
             let gap = from + law.scale * action[i] - q[i];
             gaps.push([if wraps[i] && !law.relative { wrap(gap) } else { gap }, qd[i]]);
         }
-        let Some(qdd) = ahead.as_mut().and_then(|a| a.accelerations(system, state, gains, gaps)) else { return false };
+        let Some(qdd) = ahead.as_mut().filter(|_| !*servo).and_then(|a| a.accelerations(system, state, gains, gaps)) else { return false };
         for ([gap, speed], qdd) in gaps.iter_mut().zip(qdd) {
             *gap -= h * (*speed + h * qdd);
             *speed += h * qdd;
@@ -116,16 +120,14 @@ impl Controller {
         true
     }
 
-    /// What the law makes of a joint's gap, and the most that it may.
+    /// What the law makes of a joint's gap, and the most that it may here.
     fn law(&self, i: usize) -> f64 {
         let ([kp, kd], [gap, speed]) = (self.gains[i], self.gaps[i]);
         kp * gap - kd * speed
     }
 
     fn most(&self, i: usize) -> f64 {
-        let joint = self.system.spec.joints.get(i);
-        let clamped = self.system.spec.control.is_some_and(|law| law.clamp);
-        joint.filter(|_| clamped).map_or(f64::INFINITY, |joint| joint.gain.unwrap_or(joint.torque))
+        if self.servo { f64::INFINITY } else { self.system.most(i) }
     }
 }
 

@@ -1,5 +1,5 @@
-//! What befalls a robot in an episode: pushes, and what its sensors show of it, as `[vary]` has them. Both are drawn from the episode's own stream, at
-//! places of each frame: they are the same however often and in whichever order they are asked for.
+//! Disturbances of an episode: pushes, and noise of sensors, as `[vary]` defines them. Both are drawn from the episode's own stream, at
+//! fixed positions for each frame. So they do not depend on how often or in which order they are requested.
 //!
 //! ```
 //! use nerd_sim::prelude::*;
@@ -23,7 +23,7 @@ use crate::{internal::*, sampling::normal};
 pub(crate) const PUSHES: u64 = 1 << 40;
 pub(crate) const NOISES: u64 = 2 << 40;
 const WORDS: u128 = 16;
-/// Words of a number that is drawn.
+/// Words of a drawn number.
 const DRAWN: usize = 2;
 
 /// Frames from one push to the next; none where there are no pushes.
@@ -32,7 +32,7 @@ pub(crate) fn every(system: &System) -> Option<u64> {
     Some(((period / system.frame_time).round() as u64).max(1))
 }
 
-/// Two directions across gravity, and to each other; along x and y where there is none.
+/// Two perpendicular directions across gravity; x and y without gravity.
 pub(crate) fn level(system: &System) -> [Vector3<f64>; 2] {
     let up = (-system.gravity()).try_normalize(0.0).unwrap_or(Vector3::z());
     let across = if up.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
@@ -40,12 +40,13 @@ pub(crate) fn level(system: &System) -> [Vector3<f64>; 2] {
     [one, up.cross(&one)]
 }
 
-/// Blocks of a frame's noise: of two numbers for each of four vectors of a root and for each joint's position and velocity.
+/// Blocks of a frame's noise: two numbers for each component of a root's four vectors and for each joint's position and velocity.
 pub(crate) fn blocks(system: &System) -> u64 {
     ((24 + 4 * system.robot.joint_count()) * DRAWN).div_ceil(WORDS as usize) as u64
 }
 
-/// Pushes a free root where this frame of an episode has a push: its velocity changes by as much as is drawn, in a level direction. Whether it was.
+/// Pushes a free root if this frame of an episode has a push: changes its velocity by the drawn amount, in a level direction. Returns
+/// whether it did.
 pub fn pushed(system: &System, state: &mut [f64], frame: u64, mut episode: ChaCha8Rng) -> bool {
     let (Some(every), Some(size)) = (every(system), system.spec.vary.as_ref().and_then(|vary| vary.push)) else { return false };
     if frame == 0 || !frame.is_multiple_of(every) {
@@ -59,7 +60,7 @@ pub fn pushed(system: &System, state: &mut [f64], frame: u64, mut episode: ChaCh
     true
 }
 
-/// Makes of a state what sensors show of it in this frame of an episode.
+/// Replaces a state by the sensors' noisy reading of it in this frame of an episode.
 pub fn blurred(system: &System, state: &mut [f64], frame: u64, mut episode: ChaCha8Rng) {
     if system.noisy() {
         episode.set_word_pos(u128::from(NOISES + frame * blocks(system)) * WORDS);

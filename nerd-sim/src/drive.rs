@@ -84,3 +84,37 @@ pub fn specified(system: &System) -> Vec<Drive> {
     let drives = joints.map(|(s, joint)| Drive { kp: s.kp, kd: s.kd, target: s.default, speed: 0.0, effort: joint.effort });
     if system.joint_specs().any(|s| s.kp > 0.0 || s.kd > 0.0) { drives.collect() } else { Vec::new() }
 }
+
+/// The position laws of a robot's specification as drives inside a frame that begins at `state`, where they ask for the torques `tau`, without bounds:
+/// one a joint, and in `rest` the torques of joints without gains, which are held.
+pub(crate) fn servos(system: &System, state: &[f64], tau: &[f64], drives: &mut Vec<Drive>, rest: &mut Vec<f64>) {
+    let robot = &system.robot;
+    let (q, qd) = (&state[robot.root_coords()..], &state[robot.nq() + robot.root_dofs()..]);
+    drives.clear();
+    rest.clear();
+    for (i, spec) in system.joint_specs().enumerate() {
+        let drive = Drive { kp: spec.kp, kd: spec.kd, effort: system.most(i), ..Drive::default() };
+        let (drive, held) = match (spec.kp > 0.0, spec.kd > 0.0) {
+            (true, _) => (Drive { target: q[i] + (tau[i] + spec.kd * qd[i]) / spec.kp, ..drive }, 0.0),
+            (_, true) => (Drive { speed: qd[i] + tau[i] / spec.kd, ..drive }, 0.0),
+            _ => (drive, tau[i]),
+        };
+        drives.push(drive);
+        rest.push(held);
+    }
+}
+
+/// Takes gradients `by` `[joint][target, speed]` of [`servos`] to those by the torques, added to what is held, and by the state in its tangent space.
+pub(crate) fn servos_back(system: &System, by: &[[f64; 2]], by_state: &mut [f64], by_tau: &mut [f64]) {
+    let (nv, dofs) = (system.robot.nv(), system.robot.root_dofs());
+    for (i, (spec, [target, speed])) in system.joint_specs().zip(by).enumerate() {
+        if spec.kp > 0.0 {
+            by_tau[i] = target / spec.kp;
+            by_state[dofs + i] += target;
+            by_state[nv + dofs + i] += target * spec.kd / spec.kp;
+        } else if spec.kd > 0.0 {
+            by_tau[i] = speed / spec.kd;
+            by_state[nv + dofs + i] += speed;
+        }
+    }
+}

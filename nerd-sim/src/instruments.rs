@@ -1,5 +1,5 @@
-//! Solvers around a solver, and two that know no physics. Each is a [`Solver`] itself, so whatever takes
-//! a solver takes it timed, recorded or shaken.
+//! Wrappers around a solver, and two solvers without physics. Each is a [`Solver`] itself, so it can take a solver's place anywhere, to
+//! time, record or disturb it.
 //!
 //! ```
 //! use nerd_sim::instruments::{Recorder, Replay, Shaken, Timed};
@@ -29,7 +29,7 @@ use std::time::{Duration, Instant};
 use crate::solver::{around, commit};
 use crate::{internal::*, sampling::normal};
 
-/// Adds up the time its solver takes, and nothing else's.
+/// Adds up the time of its solver's frames alone.
 #[derive(Clone, Debug)]
 pub struct Timed<S = Box<dyn Solver>> {
     /// The solver.
@@ -56,7 +56,7 @@ impl<S: Solver> Solver for Timed<S> {
     around!();
 }
 
-/// Keeps every state its solver comes to; [`Replay`] plays them back.
+/// Keeps every state of its solver after a frame; [`Replay`] plays them back.
 #[derive(Clone, Debug)]
 pub struct Recorder<S = Box<dyn Solver>> {
     /// The solver.
@@ -75,7 +75,7 @@ impl<S: Solver> Recorder<S> {
 impl<S: Solver> Solver for Recorder<S> {
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError> {
         let done = self.solver.step(batch, torques);
-        // Environments that were set aside keep their states; the frame counts for the others.
+        // Failed environments keep their states; the frame counts for the others.
         if matches!(done, Ok(()) | Err(StepError::Environments(_))) {
             self.frames.push(batch.states.clone());
         }
@@ -85,8 +85,8 @@ impl<S: Solver> Solver for Recorder<S> {
     around!();
 }
 
-/// A solver, and normal noise (rad/s or m/s, by velocity) after each of its frames: how far apart a motion's own sensitivity drives what
-/// differs a little. A model whose error is no larger than that of its shaken truth has nothing left to learn.
+/// Adds normal noise (rad/s or m/s, to each velocity) after each frame of a solver. It shows how far a motion's own sensitivity amplifies
+/// small differences. A model whose error is no larger than its disturbed truth's has nothing left to learn.
 #[derive(Clone, Debug)]
 pub struct Shaken<S = Box<dyn Solver>> {
     solver: S,
@@ -96,7 +96,7 @@ pub struct Shaken<S = Box<dyn Solver>> {
 }
 
 impl<S: Solver> Shaken<S> {
-    /// Shakes a solver with noise of that standard deviation; that of frame t is a stream of its own, keyed by (seed, t).
+    /// Adds noise of this standard deviation after each frame; frame t has a stream of its own, keyed by (seed, t).
     pub fn new(solver: S, noise: f64, seed: u64) -> Self {
         Self { solver, noise, seed, frame: 0 }
     }
@@ -116,12 +116,12 @@ impl<S: Solver> Solver for Shaken<S> {
     around!();
 }
 
-/// Plays recorded states back, whatever the torques: a truth that costs nothing to ask again.
+/// Plays recorded states back, whatever the torques: a reference that costs nothing to evaluate again.
 #[derive(Clone, Debug)]
 pub struct Replay<'a> {
     /// States `[env][q, qd]` by frame, as [`Recorder`] keeps them.
     pub frames: &'a [Vec<f64>],
-    /// The frame to come.
+    /// The next frame.
     pub next: usize,
 }
 
@@ -148,7 +148,7 @@ impl Solver for Replay<'_> {
     }
 }
 
-/// Stays where it is: its error is that of knowing nothing.
+/// Keeps every state: the baseline of knowing nothing.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Hold;
 
@@ -159,7 +159,7 @@ impl Solver for Hold {
     }
 }
 
-/// Goes on at the velocity it has: better than [`Hold`] for a few frames, mostly worse for many.
+/// Continues at the present velocity: better than [`Hold`] for a few frames, mostly worse for many.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Glide;
 
@@ -172,8 +172,8 @@ impl Solver for Glide {
     }
 }
 
-/// Moves a state `[q, qd]` on by `time` (s) at constant joint velocities, angular velocity and velocity of the root. Endless
-/// angles are not wrapped.
+/// Advances a state `[q, qd]` by `time` (s) at constant joint velocities, angular velocity and velocity of the root. Endless angles are not
+/// wrapped.
 pub fn glide(system: &System, state: &mut [f64], time: f64) {
     let (q, qd) = system.robot.split(state);
     qd.to_local(&system.robot, q).advance(&system.robot, state, time);

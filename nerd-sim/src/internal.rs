@@ -1,5 +1,5 @@
-//! What most files of this crate use.
-// Some are needed with some features alone.
+//! Imports that most files of this crate use.
+// Some are needed only with certain features.
 #![allow(unused_imports)]
 
 pub(crate) use std::collections::BTreeMap;

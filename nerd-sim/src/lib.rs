@@ -48,8 +48,9 @@ pub mod prelude {
     #[cfg(feature = "rapier")]
     pub use crate::rapier::{Rapier, RapierConfig};
     pub use crate::sampling::{Start, start, stream};
-    pub use crate::scene::{Collider, GRAVITY, Material, Plane, Scene, contacts};
+    pub use crate::scene::{Collider, GRAVITY, Material, Plane, Scene};
     pub use crate::solver::{Capabilities, Simulation, Solver, StepError};
+    pub use crate::system::contacts;
     pub use crate::system::{System, SystemError};
     pub use crate::truth::Truth;
     pub use crate::{control::Controller, drive::Drive, range::Range};

@@ -1,33 +1,33 @@
 //! A system in a scene as MJCF, MuJoCo's own text: the same bodies, joints and shapes, to the last digit.
 //!
-//! A link's frame is its joint's frame, so bodies nest with the joints' origins and every joint sits at its body's origin.
-//! Limits are our spring and damper (see `limit`); contacts are MuJoCo's own, soft constraints with its default
-//! settings, with the friction of the pair, or ours as far as MuJoCo's may be. What it would need a mesh for is refused.
+//! Limits are our spring and damper (see `limit`). Contacts are MuJoCo's soft constraints, with its default settings and the friction of
+//! the pair, or match ours as far as MuJoCo allows. Shapes that would need a mesh are refused.
 
 pub use crate::system::mjcf::is_mjcf;
 
-use nerd_core::{dynamics::Axes, robot::FixedFrame};
-
 use crate::internal::*;
-use crate::system::mjcf::{escape, numbers};
+use crate::scene::{Meeting, Softness};
+use crate::system::inverse_weights;
 
 /// Why a system cannot be written for MuJoCo; one line.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct MjcfError(String);
 
-/// MuJoCo's least impedance: a constraint that weak pushes with the force it is given and hardly feels what it pushes.
+/// MuJoCo's least impedance: such a weak constraint applies its force almost independently of the inertia it acts on.
 const WEAKEST: f64 = 1e-4;
 
-/// Least radius (m) and range (rad or m) that it takes for some.
+/// Least radius (m) and range (rad or m) that MuJoCo accepts.
 const LEAST: f64 = 1e-9;
 
-/// Geoms of the scene touch those of the robot and nothing else.
+/// Geoms of the scene touch the robot's geoms and nothing else.
 const SCENE: &str = r#"contype="1" conaffinity="0""#;
 const ROBOT: &str = r#"contype="0" conaffinity="1""#;
+/// Geoms that meet only in explicit pairs.
+const NONE: &str = r#"contype="0" conaffinity="0""#;
 
-/// `system` in `scene` as MJCF; the integrator and the step are the caller's to set. A drive on every joint becomes an actuator of MuJoCo's;
-/// largest velocities are left out.
+/// `system` in `scene` as MJCF; the caller sets the integrator and the step. A drive on every joint becomes a MuJoCo actuator; velocity
+/// limits are left out.
 ///
 /// ```
 /// use nerd_sim::prelude::*;
@@ -38,19 +38,23 @@ const ROBOT: &str = r#"contype="0" conaffinity="1""#;
 /// ```
 ///
 /// # Errors
-/// If the scene is more than planes, boxes and cylinders, or the robot's mass matrix is none.
+/// If the scene has other colliders than planes, boxes and cylinders, or the robot's mass matrix is not positive definite.
 pub fn mjcf(system: &System, scene: &Scene, drives: &[Drive]) -> Result<String, MjcfError> {
     // A standing robot must not creep: by default MuJoCo's friction is as soft as its contacts.
     let hold = if drives.is_empty() { "" } else { " impratio=\"100\"" };
     written(system, scene, drives, hold, None)
 }
 
-/// The same without drives, and with contacts of the stiffness, damping and drag that ours have in this scene, all of whose colliders are of
-/// one material.
+/// The same with position actuators where the robot's law acts inside a frame, by joint and with their target as control. Contacts get the
+/// stiffness, damping and drag of ours in this scene, all of whose colliders must have one material.
 pub fn mjcf_of_our_contact(system: &System, scene: &Scene) -> Result<String, MjcfError> {
     let material = scene.colliders.first().map(|collider| collider.material.mean(&system.spec.material));
     let hold = material.map_or_else(String::new, |m| format!(" impratio=\"{}\"", m.friction_damping / m.damping));
-    written(system, scene, &[], &hold, material)
+    let law = system.spec.control.filter(|law| law.servo);
+    let servo =
+        |(i, joint): (usize, &crate::system::JointSpec)| Drive { kp: joint.kp, kd: joint.kd, effort: system.most(i), ..Drive::default() };
+    let servos: Vec<_> = system.joint_specs().enumerate().map(servo).take_while(|_| law.is_some()).collect();
+    written(system, scene, &servos, &hold, material)
 }
 
 fn written(system: &System, scene: &Scene, drives: &[Drive], hold: &str, material: Option<Material>) -> Result<String, MjcfError> {
@@ -58,31 +62,75 @@ fn written(system: &System, scene: &Scene, drives: &[Drive], hold: &str, materia
     if let Some(joint) = robot.follower() {
         return Err(MjcfError(format!("joint `{}` follows another (<mimic>), which MuJoCo's constraints hold only about", joint.name)));
     }
+    let partly = |link: &&Link| link.joint.is_some() && link.lifted.mass > 0.0 && (link.lifted.at - link.inertia.com).amax() > 1e-9;
+    if let Some(link) = robot.links.iter().find(partly) {
+        return Err(MjcfError(format!("weight is taken off a part of link `{}`, which no gravcomp says", link.name)));
+    }
     let mut text = format!(
         "<mujoco model=\"{}\">\n<compiler angle=\"radian\" inertiafromgeom=\"false\"/>\n<option gravity=\"{}\" cone=\"elliptic\"{hold}/>\n<worldbody>\n",
         escape(&system.name),
         numbers(scene.gravity.as_slice())
     );
-    for collider in &scene.colliders {
+    let means = || scene.colliders.iter().map(|collider| collider.material.mean(&system.spec.material));
+    let paired = !system.surfaces.is_empty() || means().any(|m| [m.torsion, m.rolling, m.margin] != [0.0; 3]);
+    for (k, (collider, mean)) in scene.colliders.iter().zip(means()).enumerate() {
         let (kind, size, place) = geom(collider).ok_or_else(|| {
             MjcfError(format!("scene `{}` is more than planes, boxes and cylinders; MuJoCo would need a mesh", scene.name))
         })?;
         // MuJoCo takes the larger friction of a pair: the scene's geom has the pair's mean, the robot's have none.
-        let friction = collider.material.mean(&system.spec.material).friction;
-        // What the robot's geoms say of a contact's softness is said of both.
+        let friction = mean.friction;
+        // With this weight the robot's geoms alone determine a contact's softness.
         let mix = if material.is_some() { " solmix=\"1e-9\"" } else { "" };
-        text += &format!("<geom type=\"{kind}\" size=\"{size}\" {} friction=\"{friction}\"{mix} {SCENE}/>\n", pose(&place));
+        let meets = if paired { format!("name=\"scene {k}\" {NONE}") } else { format!("friction=\"{friction}\"{mix} {SCENE}") };
+        text += &format!("<geom type=\"{kind}\" size=\"{size}\" {} {meets}/>\n", pose(&place));
     }
-    let weight = weights(robot)?;
-    let soft = material.map_or_else(|| Ok(vec![String::new(); robot.links.len()]), |m| softness(robot, &m))?;
+    let inverse = inverse_weights(robot).map_err(MjcfError)?;
+    let soft = material.filter(|_| !paired).map(|m| inverse.iter().map(|w| softness(&m, *w)).collect());
+    let mut geoms = paired.then(Vec::new);
+    let own = Own { robot, scene, weight: weights(robot)?, soft: soft.unwrap_or_else(|| vec![String::new(); robot.links.len()]) };
     for (i, link) in robot.links.iter().enumerate().filter(|(_, l)| l.parent.is_none()) {
         let base = if let (Base::Fixed(pose), Some(_)) = (robot.base, &link.joint) { pose } else { Isometry3::identity() };
-        body(&mut text, robot, scene, (&weight, &soft), i, &base, &[]);
+        own.body(&mut text, &mut geoms, i, &base, &[]);
     }
     text += "</worldbody>\n<actuator>\n";
     robot.joints().zip(drives).for_each(|(joint, drive)| text += &actuator(joint, drive));
-    text += "</actuator>\n</mujoco>\n";
-    Ok(text)
+    text += "</actuator>\n";
+    if let Some(geoms) = geoms {
+        text += &pairs(system, scene, &geoms, material.map(|_| &inverse[..]));
+    }
+    Ok(text + "</mujoco>\n")
+}
+
+/// Every pair of a robot's geom (of a link and perhaps a surface) and a scene's geom that meet, with its contact parameters: softness that
+/// matches ours by the inverse inertias of links, or the values of the robot's file.
+fn pairs(system: &System, scene: &Scene, geoms: &[(usize, Option<usize>)], inverse: Option<&[f64]>) -> String {
+    let mut text = "<contact>\n".to_string();
+    for ((n, (link, surface)), (k, collider)) in
+        geoms.iter().enumerate().flat_map(|g| scene.colliders.iter().enumerate().map(move |c| (g, c)))
+    {
+        let point = ContactPoint::new(*link, Vector3::zeros(), 0.0).on(*surface);
+        let Some(Material { friction, torsion, rolling, margin, .. }) = system.meeting(&point, collider) else { continue };
+        let condim = if rolling > 0.0 {
+            6
+        } else if torsion > 0.0 {
+            4
+        } else {
+            1 + 2 * usize::from(friction > 0.0)
+        };
+        let soft = match (inverse, system.surfaces.meeting(&point, collider), system.meeting(&point, collider)) {
+            (Some(inverse), _, Some(material)) => softness(&material, inverse[*link]),
+            (None, Some(Meeting::Law(law)), _) => {
+                let Softness { solref, solimp } = law.softness;
+                format!(" solref=\"{}\" solimp=\"{}\"", numbers(&solref), numbers(&solimp))
+            }
+            _ => String::new(),
+        };
+        let friction = numbers(&[friction, friction, torsion, rolling, rolling]);
+        text += &format!(
+            "<pair geom1=\"robot {n}\" geom2=\"scene {k}\" condim=\"{condim}\" friction=\"{friction}\" margin=\"{margin}\"{soft}/>\n"
+        );
+    }
+    text + "</contact>\n"
 }
 
 /// Kind, size and pose of a geom of the scene.
@@ -103,57 +151,82 @@ fn geom(collider: &Collider) -> Option<(&'static str, String, Isometry3<f64>)> {
     Some(("cylinder", numbers(&[cylinder.radius, cylinder.half_height]), collider.pose * quarter))
 }
 
-/// Link `i` and all that hangs on it; `base` is where its parent's frame stands in the body it is nested in. Links stand
-/// depth-first in the robot, as MuJoCo counts its bodies, so the joints keep their order.
-///
-/// MuJoCo has no body that weighs nothing, but bodies with several joints: a link that weighs nothing between two joints is left out, and
-/// its joint becomes one of the next link's. `before` are such links, with their frames as `base` is.
-fn body(
-    text: &mut String,
-    robot: &Robot,
-    scene: &Scene,
-    (weight, soft): (&[f64], &[String]),
-    i: usize,
-    base: &Isometry3<f64>,
-    before: &[(usize, Isometry3<f64>)],
-) {
-    let link = &robot.links[i];
-    let origin = link.joint.as_ref().map_or(*base, |joint| base * joint.origin());
-    let mut children = (i + 1..robot.links.len()).filter(|c| robot.links[*c].parent == Some(i));
-    let nothing = link.inertia.mass == 0.0 && link.inertia.inertia.amax() == 0.0 && !robot.contact_points.iter().any(|p| p.link == i);
-    if let (true, Some(_), Some(child), None) = (nothing, &link.joint, children.next(), children.next()) {
-        let before: Vec<_> = before.iter().copied().chain([(i, origin)]).collect();
-        return body(text, robot, scene, (weight, soft), child, &origin, &before);
-    }
-    // MuJoCo's own name of what nothing moves, and many a URDF's name of its root.
-    let name = if link.name == "world" { "world link" } else { &link.name };
-    *text += &format!("<body name=\"{}\" {}>\n", escape(name), pose(&origin));
-    for (i, place) in before.iter().copied().chain([(i, origin)]) {
-        let own = |j| joint(j, &(origin.inverse() * place), weight[i - usize::from(robot.floating())]);
-        *text += &robot.links[i].joint.as_ref().map_or_else(|| "<freejoint/>\n".into(), own);
-    }
-    *text += &inertial(link);
-    // Without anything to touch the robot needs no shapes.
-    if !scene.colliders.is_empty() {
-        let (shapes, points) = robot.touching(i);
-        for shape in shapes {
-            let (kind, size) = match shape.kind {
-                ShapeKind::Box { half } => ("box", numbers(half.as_slice())),
-                ShapeKind::Cylinder { radius, half_length } => ("cylinder", numbers(&[radius, half_length])),
-                _ => continue,
+/// Context for writing a robot: its scene, the inverse inertias of its joints, and the softness of its geoms by link.
+struct Own<'a> {
+    robot: &'a Robot,
+    scene: &'a Scene,
+    weight: Vec<f64>,
+    soft: Vec<String>,
+}
+
+impl Own<'_> {
+    /// Link `i` and its subtree; `base` is the pose of its parent's frame in the body it is nested in. Links are depth-first in the robot,
+    /// as MuJoCo counts its bodies, so the joints keep their order.
+    ///
+    /// MuJoCo has no massless bodies, but bodies with several joints: a massless link between two joints is left out, and its joint is
+    /// moved to the next link. `before` are such links, with their frames in the form of `base`. Where contacts are given by pair, a link's
+    /// geoms meet nothing else, and `geoms` receives the link and surface of each.
+    fn body(
+        &self,
+        text: &mut String,
+        geoms: &mut Option<Vec<(usize, Option<usize>)>>,
+        i: usize,
+        base: &Isometry3<f64>,
+        before: &[(usize, Isometry3<f64>)],
+    ) {
+        let (robot, link) = (self.robot, &self.robot.links[i]);
+        let origin = link.joint.as_ref().map_or(*base, |joint| base * joint.origin());
+        let mut children = (i + 1..robot.links.len()).filter(|c| robot.links[*c].parent == Some(i));
+        let nothing = link.inertia.mass == 0.0 && link.inertia.inertia.amax() == 0.0 && !robot.contact_points.iter().any(|p| p.link == i);
+        if let (true, Some(_), Some(child), None) = (nothing, &link.joint, children.next(), children.next()) {
+            let before: Vec<_> = before.iter().copied().chain([(i, origin)]).collect();
+            return self.body(text, geoms, child, &origin, &before);
+        }
+        // MuJoCo's own name of the fixed world, and many a URDF's name of its root.
+        let name = if link.name == "world" { "world link" } else { &link.name };
+        // A free root's armature is included in its inertia, and compensated there.
+        let mut own = link.clone();
+        let armature = if link.joint.is_none() { robot.free.armature } else { 0.0 };
+        own.arm(-armature);
+        let lifted = if own.lifted.mass > 0.0 { format!(" gravcomp=\"{}\"", own.lifted.mass / own.inertia.mass) } else { String::new() };
+        *text += &format!("<body name=\"{}\"{lifted} {}>\n", escape(name), pose(&origin));
+        for (i, place) in before.iter().copied().chain([(i, origin)]) {
+            let own = |j| joint(j, &(origin.inverse() * place), self.weight[i - usize::from(robot.floating())]);
+            let free = || match robot.free.damping {
+                0.0 if armature == 0.0 => "<freejoint/>\n".into(),
+                damping => format!("<joint type=\"free\" armature=\"{armature}\" damping=\"{damping}\"/>\n"),
             };
-            *text +=
-                &format!("<geom type=\"{kind}\" size=\"{size}\" {} mass=\"0\" friction=\"0\"{} {ROBOT}/>\n", pose(&shape.pose), soft[i]);
+            *text += &robot.links[i].joint.as_ref().map_or_else(free, own);
         }
-        for (at, radius) in points.iter().flat_map(|p| p.places().into_iter().map(|at| (at, p.radius.max(LEAST)))) {
-            let place = numbers(at.as_slice());
-            *text += &format!("<geom type=\"sphere\" size=\"{radius}\" pos=\"{place}\" mass=\"0\" friction=\"0\"{} {ROBOT}/>\n", soft[i]);
+        *text += &inertial(&own);
+        let mut meets = |surface: Option<usize>| match geoms {
+            Some(geoms) => {
+                geoms.push((i, surface));
+                format!("name=\"robot {}\" {NONE}", geoms.len() - 1)
+            }
+            None => format!("friction=\"0\"{} {ROBOT}", self.soft[i]),
+        };
+        // The robot needs no shapes in an empty scene.
+        if !self.scene.colliders.is_empty() {
+            let (shapes, points) = robot.touching(i);
+            for shape in shapes {
+                let (kind, size) = match shape.kind {
+                    ShapeKind::Box { half } => ("box", numbers(half.as_slice())),
+                    ShapeKind::Cylinder { radius, half_length } => ("cylinder", numbers(&[radius, half_length])),
+                    _ => continue,
+                };
+                *text += &format!("<geom type=\"{kind}\" size=\"{size}\" {} mass=\"0\" {}/>\n", pose(&shape.pose), meets(shape.surface));
+            }
+            for (at, point) in points.iter().flat_map(|p| p.places().into_iter().map(move |at| (at, p))) {
+                let (place, radius) = (numbers(at.as_slice()), point.radius.max(LEAST));
+                *text += &format!("<geom type=\"sphere\" size=\"{radius}\" pos=\"{place}\" mass=\"0\" {}/>\n", meets(point.surface));
+            }
         }
+        for child in (i + 1..robot.links.len()).filter(|c| robot.links[*c].parent == Some(i)) {
+            self.body(text, geoms, child, &Isometry3::identity(), &[]);
+        }
+        *text += "</body>\n";
     }
-    for child in (i + 1..robot.links.len()).filter(|c| robot.links[*c].parent == Some(i)) {
-        body(text, robot, scene, (weight, soft), child, &Isometry3::identity(), &[]);
-    }
-    *text += "</body>\n";
 }
 
 /// `place` is the joint's frame in its body's.
@@ -180,31 +253,28 @@ fn actuator(joint: &Joint, drive: &Drive) -> String {
     format!("<general joint=\"{}\" gainprm=\"{kp}\" biastype=\"affine\" biasprm=\"{bias}\"{bounds}/>\n", escape(&joint.name))
 }
 
-/// A limit of stiffness k and damping d, beyond an end `-k r - d v`. MuJoCo's is `f = (a_ref - a_0) / (A + R)` with
-/// `a_ref = -b v - k' r` in accelerations: as weak as it may be, `R = A / 1e-4` outweighs A and a_0, and
-/// `k' = k A`, `b = d A` make it ours to 1e-4, except that it never pulls. As weak as
-/// that it is as explicit as ours: too stiff for one substep, where MuJoCo's own limits would hold.
+/// A limit of stiffness k and damping d, beyond an end `-k r - d v`. MuJoCo's is `f = (a_ref - a_0) / (A + R)` with `a_ref = -b v - k' r`
+/// in accelerations. At its least impedance, `R = A / 1e-4` outweighs A and a_0, and `k' = k A`, `b = d A` match ours to 1e-4, except that
+/// it never pulls. At this impedance it is as explicit as ours: a limit too stiff for one substep is unstable, where MuJoCo's own limits
+/// would hold.
 fn limit(limit: &Limit, weight: f64) -> String {
     if limit.stiffness <= 0.0 {
         return "limited=\"false\"".into();
     }
     let (k, d) = (limit.stiffness * weight, limit.damping * weight);
-    // A joint that is locked needs a range, too.
+    // A locked joint needs a range, too.
     let range = numbers(&[limit.lower, limit.upper.max(limit.lower + LEAST)]);
     format!("limited=\"true\" range=\"{range}\" solreflimit=\"-{k} -{d}\" solimplimit=\"{WEAKEST} {WEAKEST} 1 0.5 1\"")
 }
 
-/// The mass matrix at zero coordinates.
-fn factored(robot: &Robot) -> Result<Factor, MjcfError> {
+/// `(M^-1)_ii` of each joint at zero coordinates: MuJoCo scales a joint's constraints by this inverse inertia.
+fn weights(robot: &Robot) -> Result<Vec<f64>, MjcfError> {
     let (mut data, mut factor) = (Data::new(robot), Factor::new(robot));
     kinematics(robot, &robot.zero_state()[..robot.nq()], &mut data);
     crba(robot, &mut data);
-    if factor.refill(&data.mass) { Ok(factor) } else { Err(MjcfError(factor.fault(robot))) }
-}
-
-/// `(M^-1)_ii` of each joint at zero coordinates: the inertia by which MuJoCo scales a joint's constraints.
-fn weights(robot: &Robot) -> Result<Vec<f64>, MjcfError> {
-    let factor = factored(robot)?;
+    if !factor.refill(&data.mass) {
+        return Err(MjcfError(factor.fault(robot)));
+    }
     let column = |i: usize| {
         let mut x = vec![0.0; robot.nv()];
         x[i] = 1.0;
@@ -214,25 +284,11 @@ fn weights(robot: &Robot) -> Result<Vec<f64>, MjcfError> {
     Ok((robot.root_dofs()..robot.nv()).map(column).collect())
 }
 
-/// By link, the settings of its geoms by which a contact is a spring and a damper as ours, in the way of [`limit`]: MuJoCo's inertia of a contact
-/// is that of the link's centre of mass at zero coordinates, the mean over directions.
-fn softness(robot: &Robot, material: &Material) -> Result<Vec<String>, MjcfError> {
-    let (mut data, state) = (Data::new(robot), robot.zero_state());
-    let factor = factored(robot)?;
-    let of = |(link, own): (usize, &Link)| {
-        let pose = Isometry3::from_parts(own.inertia.com.into(), UnitQuaternion::identity());
-        let frame = FixedFrame { name: String::new(), link: Some(link), pose };
-        let rows = data.jacobian(robot, &state[..robot.nq()], &frame, Axes::World).fixed_rows::<3>(3).transpose();
-        let weight = rows.column_iter().map(|row| {
-            let mut x: Vec<f64> = row.iter().copied().collect();
-            factor.solve(&mut x);
-            x.iter().zip(row.iter()).map(|(a, b)| a * b).sum::<f64>() / 3.0
-        });
-        let weight: f64 = weight.sum();
-        let (k, d) = (material.stiffness * weight, material.damping * weight);
-        format!(" solref=\"-{k} -{d}\" solimp=\"{WEAKEST} {WEAKEST} 1 0.5 1\"")
-    };
-    Ok(robot.links.iter().enumerate().map(of).collect())
+/// The settings of a geom whose contact matches our spring and damper, as in [`limit`]: MuJoCo's inverse inertia of a contact is the one at
+/// the link's centre of mass at zero coordinates, the mean over directions.
+fn softness(material: &Material, inverse: f64) -> String {
+    let (k, d) = (material.stiffness * inverse, material.damping * inverse);
+    format!(" solref=\"-{k} -{d}\" solimp=\"{WEAKEST} {WEAKEST} 1 0.5 1\"")
 }
 
 fn inertial(link: &Link) -> String {
@@ -244,4 +300,12 @@ fn inertial(link: &Link) -> String {
 fn pose(pose: &Isometry3<f64>) -> String {
     let q = pose.rotation.quaternion();
     format!("pos=\"{}\" quat=\"{}\"", numbers(pose.translation.vector.as_slice()), numbers(&[q.w, q.i, q.j, q.k]))
+}
+
+fn numbers(x: &[f64]) -> String {
+    x.iter().map(f64::to_string).collect::<Vec<_>>().join(" ")
+}
+
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
 }

@@ -1,5 +1,5 @@
-//! Random numbers. Each trajectory draws from a ChaCha8 stream of its own, keyed by (seed, trajectory), so what it draws depends on
-//! neither threads nor neighbours.
+//! Random numbers. Each trajectory draws from a ChaCha8 stream of its own, keyed by (seed, trajectory), so its draws depend on neither
+//! threads nor other trajectories.
 
 use nalgebra::Vector3;
 use rand::{Rng, RngExt, SeedableRng};

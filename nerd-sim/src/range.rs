@@ -24,7 +24,7 @@ impl Range {
 
 impl fmt::Display for Range {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // -0 + 0 is 0: equal ranges read equal.
+        // -0 + 0 is 0, so equal ranges have equal texts.
         write!(f, "U({}, {})", self.low + 0.0, self.high + 0.0)
     }
 }
@@ -81,7 +81,7 @@ fn short(x: f64) -> String {
     if x == 0.0 || (1e-3..1e5).contains(&x.abs()) || x.abs() < 1e12 && x.fract() == 0.0 { x.to_string() } else { format!("{x:e}") }
 }
 
-/// Both ends of a law, and the lower one below.
+/// Refuses a range with an end outside of bounds, or whose lower end is above the upper one.
 pub(crate) fn law(key: &str, law: &Range, range: RangeInclusive<f64>, unit: &str) -> Result<(), String> {
     if law.low > law.high {
         return Err(format!("{key} is {law}; its low end is above the high one"));
@@ -89,7 +89,7 @@ pub(crate) fn law(key: &str, law: &Range, range: RangeInclusive<f64>, unit: &str
     [law.low, law.high].iter().try_for_each(|end| within(format!("{key} is {law}; an end"), *end, range.clone(), unit))
 }
 
-/// So many values, no more: serde drops the rest of a longer list.
+/// Exactly N values: serde would ignore the rest of a longer list.
 pub(crate) fn exactly<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usize>(from: D) -> Result<[T; N], D::Error> {
     let values = Vec::<T>::deserialize(from)?;
     values.try_into().map_err(|found: Vec<T>| D::Error::custom(format!("{} values, {N} are needed", found.len())))

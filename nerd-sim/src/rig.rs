@@ -1,4 +1,5 @@
-//! A solver behind a robot's motors and sensors ([`Motors`]): torques act late, are weaker, fall with speed or ripple, and states are what sensors show.
+//! A solver with an actuator and sensor model ([`Motors`]): torques may be late, weaker, fall with speed or ripple; states are sensor
+//! readings.
 //!
 //! ```
 //! use nerd_sim::prelude::*;
@@ -20,16 +21,16 @@ use nerd_core::state::wrap_state;
 pub use crate::system::motors::{LATEST, Motors};
 use crate::{internal::*, solver::around};
 
-/// Frames of torques that are remembered, that of now with them.
+/// Frames of torques in memory, the present one included.
 const FRAMES: usize = LATEST as usize + 1;
 
-/// Steps robots with their motors and sensors, by a solver that knows none. Of a robot whose torques act late the next frame depends on
-/// those of the last ones; before a start, and where frames are missing, there were none.
+/// Steps robots with their motors and sensors, by a solver that has no model of them. With a delay the next frame depends on the torques of
+/// the last ones; before a start, and for missing frames, these are zero.
 pub struct Rig<S = Box<dyn Solver>> {
     solver: S,
-    /// The batch's robot and those of environments, and in their places the same without motors.
+    /// The robots of the batch and of its environments, each with its copy without motors.
     bare: Vec<[Arc<System>; 2]>,
-    /// Torques asked for, the newest first, `[env][FRAMES][joint]`; and the frame that those are of.
+    /// Commanded torques, the newest first, `[env][FRAMES][joint]`; and the frame of the newest.
     asked: Vec<f64>,
     newest: Vec<u64>,
     torques: Vec<f64>,
@@ -53,7 +54,7 @@ impl<S: Solver> Rig<S> {
         bare
     }
 
-    /// What acts in this frame; what was asked for is remembered.
+    /// The torques that act in this frame; stores the commanded ones.
     fn drive(&mut self, batch: &Batch, torques: &[f64]) {
         let (n, joints) = (batch.len(), batch.system.robot.joint_count());
         if self.newest.len() != n || self.asked.len() != n * FRAMES * joints {
@@ -76,7 +77,7 @@ impl<S: Solver> Rig<S> {
     }
 }
 
-/// From what sensors show to where joints are, with `side` 1, or back with -1.
+/// Converts sensor readings to joint positions (`side` 1), or back (-1).
 fn shift(batch: &mut Batch, side: f64) {
     for env in 0..batch.len() {
         let own = batch.of(env).clone();
@@ -105,7 +106,7 @@ impl<S: Solver> Solver for Rig<S> {
         let done = self.solver.step(batch, &self.torques);
         (batch.system, batch.systems) = (system, systems);
         shift(batch, -1.0);
-        // What was not stepped is shown as it was, to the bit.
+        // Environments that were not stepped keep their readings, to the bit.
         match &done {
             Ok(()) => {}
             Err(StepError::Environments(faults)) => {
@@ -125,7 +126,7 @@ impl<S: Solver> Solver for Rig<S> {
         self.solver.reset(env);
     }
 
-    /// The frame of the newest torques, all that are kept, and what the solver remembers.
+    /// The frame of the newest torques, all stored torques, and the inner solver's memory.
     fn remembered(&self, env: usize) -> Result<Vec<f64>, StepError> {
         let Some(newest) = self.newest.get(env) else { return Ok(Vec::new()) };
         let width = self.asked.len() / self.newest.len();

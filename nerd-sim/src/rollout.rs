@@ -1,8 +1,8 @@
-//! Rollouts as CSV: starts and torques are read from a table, rolled out under any solver, and the states written to another.
+//! Rollouts as CSV: reads starts and torques from a table, rolls them out under any solver, and writes the states to another table.
 //!
-//! A table has a header and one row for each trajectory and step: `traj, step`, the state's columns
-//! (`state_columns`; rad, m, rad/s, m/s; read at step 0 alone) and, if anything drives the robot, all of the
-//! torques' (N m or N), held from their row's step to the next. Columns are found by name; others are ignored.
+//! A table has a header and one row for each trajectory and step: `traj, step`, the state's columns (`state_columns`; rad, m, rad/s, m/s;
+//! read at step 0 alone) and, if the robot is driven, all torque columns (N m or N), each held from its row's step to the next. Columns are
+//! found by name; others are ignored.
 //!
 //! ```no_run
 //! use nerd_sim::{prelude::*, rollout::States};
@@ -17,7 +17,7 @@
 use crate::internal::*;
 use crate::table::{Place, Table, twice};
 
-/// Largest number of a step: at 1/60 s, four and a half hours.
+/// Largest step number: at 1/60 s, four and a half hours.
 pub const FRAMES: usize = 1_000_000;
 
 /// Why a rollout could not be read, made or written.
@@ -27,7 +27,7 @@ pub enum RolloutError {
     /// The table cannot be read, or does not drive its robot in every frame.
     #[error(transparent)]
     Table(#[from] FileError),
-    /// The solver's.
+    /// An error of the solver.
     #[error(transparent)]
     Step(#[from] StepError),
     /// The rows cannot be written.
@@ -35,7 +35,7 @@ pub enum RolloutError {
     Write(#[from] csv::Error),
 }
 
-/// What a table holds.
+/// Content of a table.
 #[derive(Clone, Debug)]
 pub struct States {
     /// The table.
@@ -51,7 +51,7 @@ pub struct States {
 pub struct Trajectory {
     /// State `[q, qd]` of step 0.
     pub start: Vec<f64>,
-    /// By step its place and joint torques; the last row of a trajectory needs none.
+    /// By step, the row's place and joint torques; the last row of a trajectory needs none.
     steps: BTreeMap<usize, (Place, Option<Vec<f64>>)>,
 }
 
@@ -94,7 +94,7 @@ impl States {
         Ok(Self { path: path.into(), trajectories, driven: !columns.torques.is_empty() })
     }
 
-    /// Frames that the table has.
+    /// Frames of the table: its largest step.
     pub fn frames(&self) -> usize {
         self.trajectories.values().filter_map(|t| t.steps.last_key_value()).map(|(step, _)| *step).max().unwrap_or(0)
     }
@@ -153,6 +153,21 @@ impl States {
     }
 }
 
+/// Whether these bytes are a table as written by [`States::roll`] for a system: all cells are there, numbers have this format, and steps
+/// are consecutive.
+pub fn written(table: &[u8], system: &System) -> bool {
+    let header = ["traj", "step"].into_iter().chain(system.spec.state_columns.iter().map(String::as_str)).collect::<Vec<_>>();
+    let (mut reader, mut last) = (csv::Reader::from_reader(table), 0);
+    let same = reader.headers().is_ok_and(|found| *found == header);
+    let row = |row: Result<csv::StringRecord, csv::Error>| {
+        let Ok(row) = row else { return false };
+        let step = row.get(1).and_then(|step| step.parse::<usize>().ok()).filter(|step| *step == last || *step == last + 1);
+        last = step.unwrap_or(last);
+        step.is_some() && row.iter().skip(2).all(|cell| cell.parse::<f64>().is_ok_and(|x| x.to_string() == cell))
+    };
+    same && reader.records().all(row) && last > 0
+}
+
 struct Columns {
     traj: usize,
     step: usize,
@@ -176,7 +191,7 @@ impl Columns {
             })
         };
         let given = |name: &&&str| torques.iter().any(|t| t == **name) || name.starts_with("tau") && !states.iter().any(|s| s == **name);
-        // Torques are all there, or none is: one that is called otherwise would be passed over.
+        // Either all torque columns are there or none: a misnamed one would be ignored silently.
         let driven = there.iter().any(|name| given(&name));
         Ok(Self {
             traj: needed("traj")?,

@@ -9,21 +9,21 @@ use crate::system::start::{clear_start, draw, write_twist};
 use crate::system::{RandomPegs, RandomPlane, RootStart};
 use crate::{internal::*, random::direction};
 
-/// Rounds of draws after which a start that is not clear is taken: a specification that was changed since its system was made may have
-/// none.
+/// Rounds of draws after which a start is accepted although it is not clear: a specification that was changed after its system was made may
+/// have no clear start.
 const ROUNDS: usize = 100;
 
-/// A start `[q, qd]`. A floating root's is drawn in body axes about its default pose, until it is clear of the scene if it must be.
+/// A start `[q, qd]`. A floating root is drawn in body axes about its default pose, until it is clear of the scene if required.
 pub fn start(system: &System, which: Start, rng: &mut impl Rng) -> Vec<f64> {
     (0..ROUNDS).find_map(|_| clear_start(system, which, rng)).unwrap_or_else(|| draw(system, which, rng))
 }
 
-/// How far the velocities of [`hurry`] reach beyond the largest that resets draw: for the Ant to 6 m/s and 16 rad/s, near what
-/// its policies run and spin with.
+/// Factor of the largest velocities of [`hurry`] on the largest of the reset law: for the Ant up to 6 m/s and 16 rad/s, near the speeds of
+/// its policies.
 pub const FASTEST: f64 = 64.0;
 
-/// Gives a start other velocities, each even within a share, itself from U(0, 1), of the most that is looked for:
-/// [`FASTEST`] times the largest of the reset law or, where that is less, the largest of the data's. Where it stands is left.
+/// Replaces the velocities of a start. Each is uniform within a common share, drawn from U(0, 1), of a maximum: [`FASTEST`] times the
+/// largest of the reset law or, if less, the largest of the data's. The pose is kept.
 pub fn hurry(system: &System, state: &mut [f64], rng: &mut impl Rng) {
     let (robot, spec) = (&system.robot, &system.spec);
     let (nq, rates) = (robot.nq(), robot.nq() + robot.root_dofs());
@@ -43,11 +43,11 @@ pub fn hurry(system: &System, state: &mut [f64], rng: &mut impl Rng) {
     }
 }
 
-/// The scene of a random trajectory from `state`: the system's own, a random plane where it asks for one, else empty; with random pegs in
-/// it where it asks for those.
+/// The scene of a random trajectory from `state`: the system's own, a random plane if the system has that law, else empty; with random pegs
+/// if it has those.
 ///
-/// Range: normal n a cube-uniform direction; offset `U(n . root - reach, min_i n . p_i - clearance)` over the contact
-/// points p_i of the start, so the robot starts clear of it. It starts clear of pegs, too.
+/// Range: normal n a cube-uniform direction; offset `U(n . root - reach, min_i n . p_i - clearance)` over the contact points p_i of the
+/// start, so the robot starts clear of the plane, and of the pegs.
 pub fn scene(system: &System, state: &[f64], rng: &mut impl Rng) -> Arc<Scene> {
     let own = system.spec.data_scene.as_ref().and_then(|name| system.scene(name).ok());
     if let (Some(scene), None) = (&own, &system.spec.random_pegs) {
@@ -72,7 +72,7 @@ fn random_pegs(system: &System, law: &RandomPegs, state: &[f64], rng: &mut impl 
     let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
     let mut clear = |collider: &Collider| {
         let alone = Scene { name: String::new(), gravity: system.gravity(), colliders: vec![collider.clone()] };
-        contacts(&system.robot, &alone, state, &mut data, &mut events);
+        contacts(system, &alone, state, &mut data, &mut events);
         events.iter().zip(&system.robot.contact_points).all(|(event, point)| event.distance >= point.radius)
     };
     let mut one = || {
@@ -92,7 +92,7 @@ fn random_plane(system: &System, law: &RandomPlane, state: &[f64], rng: &mut imp
     // The plane's reach is measured from the first joint, where the arm hangs.
     let pivot = point_position(&data, 0, &Vector3::zeros());
     let high = tangent - law.clearance;
-    // Where the start leaves no room within reach, the clearance is kept.
+    // If the start leaves no room within reach, the clearance has precedence.
     let low = (normal.dot(&pivot) - law.reach).min(high);
     Plane { normal, offset: Range { low, high }.draw(rng) }
 }

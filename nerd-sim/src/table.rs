@@ -5,9 +5,9 @@ use std::{collections::HashSet, fmt, fs::File, hash::Hash};
 
 use csv::StringRecord;
 
-use crate::{arrays::Arrays, internal::*};
+use crate::{arrays::Arrays, files::LARGEST_TABLE, internal::*};
 
-/// How far a quaternion's length may be from 1: digits are cut in files.
+/// Tolerance of a quaternion's length against 1: files round digits.
 const UNIT: f64 = 1e-3;
 /// Bytes of a first line that are looked at.
 const LINE: u64 = 1 << 20;
@@ -24,7 +24,7 @@ enum Source {
 }
 
 impl Table {
-    /// A CSV, or by its file's ending arrays, of which these are the columns.
+    /// A CSV, or arrays by the file's extension, with these columns.
     pub fn of(path: &Path, wanted: &[&String]) -> Result<Self, FileError> {
         if !Arrays::named(path) {
             return Self::open(path);
@@ -33,10 +33,10 @@ impl Table {
         Ok(Self { path: path.into(), names, source })
     }
 
-    /// A CSV, whose first line tells what is between columns: commas, else semicolons or tabs.
+    /// A CSV, whose first line determines the delimiter: commas, else semicolons or tabs.
     pub fn open(path: &Path) -> Result<Self, FileError> {
         let cannot = |e: &dyn fmt::Display| FileError::new(path, format!("cannot read it: {e}"));
-        crate::files::is_file(path).map_err(|e| cannot(&e))?;
+        crate::files::bounded(path, LARGEST_TABLE).map_err(|e| cannot(&e))?;
         let mut first = Vec::new();
         BufReader::new(File::open(path).map_err(|e| cannot(&e))?).take(LINE).read_until(b'\n', &mut first).map_err(|e| cannot(&e))?;
         let between = [b',', b';', b'\t'].into_iter().find(|byte| first.contains(byte)).unwrap_or(b',');
@@ -73,12 +73,12 @@ impl Table {
     }
 }
 
-/// Where a row is in its file.
+/// Position of a row in its file.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place {
-    /// Of a text the line, counted from 1; of arrays the row, as they count.
+    /// The line of a text, from 1; the row of arrays, from their start.
     line: u64,
-    /// Of arrays the trajectory, where these are an axis.
+    /// For arrays the trajectory, if they have that axis.
     of: Option<Option<u64>>,
 }
 
@@ -119,7 +119,7 @@ impl Row<'_> {
         }
     }
 
-    /// Whether a cell has nothing in it, or in arrays NaN.
+    /// Whether a cell is empty, or NaN in arrays.
     pub fn empty(&self, column: usize) -> bool {
         match &self.cells {
             Cells::Text(record) => record.get(column).is_none_or(|cell| cell.trim().is_empty()),
@@ -127,12 +127,12 @@ impl Row<'_> {
         }
     }
 
-    /// The trajectory of arrays that have an axis of them.
+    /// The trajectory, for arrays that have that axis.
     pub fn trajectory(&self) -> Option<u64> {
         self.place.of.flatten()
     }
 
-    /// An error of this row; `reason` goes on behind its place.
+    /// An error of this row; `reason` follows its position.
     pub fn wrong(&self, reason: &str) -> FileError {
         FileError::new(self.path, format!("{}{reason}", self.place))
     }
@@ -153,7 +153,7 @@ impl Row<'_> {
         columns.iter().map(number).collect()
     }
 
-    /// Refuses a quaternion that is none of a rotation.
+    /// Refuses a quaternion that is not of unit length.
     pub fn unit(&self, columns: &[usize], quaternion: &[f64]) -> Result<(), FileError> {
         let length = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
         if (length - 1.0).abs() <= UNIT {

@@ -8,7 +8,7 @@ pub use crate::system::truth::{RECORDED, Truth};
 use crate::{internal::*, rig::Rig, vary::VarySpec};
 
 impl Truth {
-    /// The solver itself; behind motors and sensors where those differ from robot to robot.
+    /// The solver itself; wrapped in a motor and sensor model where these differ from robot to robot.
     pub fn solver(self, system: &System) -> Box<dyn Solver> {
         let bare = self.bare(system);
         if system.spec.vary.as_ref().is_some_and(VarySpec::rigged) { Box::new(Rig::new(bare)) } else { bare }

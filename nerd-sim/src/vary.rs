@@ -17,13 +17,13 @@ use crate::internal::*;
 use crate::system::motors::Motors;
 pub use crate::system::vary::VarySpec;
 
-/// A system with numbers drawn from the ranges of its `[vary]`, itself where it has none; and what was drawn, by [`columns`].
+/// A system with numbers drawn from the ranges of its `[vary]` (itself without one), and the drawn numbers, by [`columns`].
 pub fn draw(system: &Arc<System>, rng: &mut impl Rng) -> (Arc<System>, Vec<f64>) {
     let varied = varied(system, &mut |what| what.range.draw(rng));
     varied.map_or_else(|| (system.clone(), Vec::new()), |(own, drawn)| (Arc::new(own), drawn))
 }
 
-/// Names of what [`draw`] draws, in order: `mass:LINK`, `friction`, `gain:JOINT`.
+/// Names of the numbers that [`draw`] draws, in order: `mass:LINK`, `friction`, `gain:JOINT`.
 pub fn columns(system: &System) -> Vec<String> {
     let mut names = Vec::new();
     varied(system, &mut |Drawn { what, whose, range, .. }| {
@@ -33,7 +33,7 @@ pub fn columns(system: &System) -> Vec<String> {
     names
 }
 
-/// A number that differs from robot to robot: what it is of, whose, its range, and what it is in the robot's files.
+/// A varying number: its quantity, its owner, its range, and its value in the robot's files.
 struct Drawn<'a> {
     what: &'a str,
     whose: &'a str,
@@ -41,12 +41,13 @@ struct Drawn<'a> {
     nominal: f64,
 }
 
-/// What a model may be told of a robot: what was drawn of it, but for ripples, which no analytic solver is told either, and how late a policy sees.
+/// Parameters that a model may be conditioned on: the drawn ones, except ripples, which analytic solvers do not know either, and the delay
+/// of observations.
 #[derive(Clone, Debug, Default)]
 pub struct Told(Vec<(usize, Range, f64)>);
 
 impl Told {
-    /// Of a system's robots.
+    /// For a system's robots.
     pub fn new(system: &System) -> Self {
         let (mut told, mut k) = (Vec::new(), 0);
         varied(system, &mut |Drawn { what, range, nominal, .. }| {
@@ -62,7 +63,8 @@ impl Told {
         self.0.len()
     }
 
-    /// Each number from -1 to 1 over its range; of a robot as its files have it (`drawn` empty) its own, which may be beyond.
+    /// Each number mapped from its range to [-1, 1]. For a robot as its files have it (`drawn` empty) its own values, which may lie
+    /// outside.
     pub fn numbers<'a>(&'a self, drawn: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
         self.0.iter().map(|(k, Range { low, high }, nominal)| {
             let value = drawn.get(*k).unwrap_or(nominal);
@@ -71,7 +73,7 @@ impl Told {
     }
 }
 
-/// A system with the numbers that `take` gives for each range of its `[vary]`, and those, if it has one.
+/// A system with the numbers that `take` gives for each range of its `[vary]`, and these numbers; `None` without `[vary]`.
 fn varied(system: &System, take: &mut dyn FnMut(&Drawn) -> f64) -> Option<(System, Vec<f64>)> {
     let (vary, mut own, mut drawn) = (system.spec.vary.as_ref()?, system.clone(), Vec::new());
     let mut take = |what: &str, whose: &str, range: &Option<Range>, nominal: f64| {
@@ -84,15 +86,15 @@ fn varied(system: &System, take: &mut dyn FnMut(&Drawn) -> f64) -> Option<(Syste
         if let Some(factor) = take("mass", &link.name, &vary.mass, 1.0) {
             body.mass *= factor;
             body.inertia *= factor;
+            link.lifted.mass *= factor;
         }
         if let Some(factor) = take("inertia", &link.name, &vary.inertia, 1.0) {
             body.inertia *= factor;
         }
-        for (x, what) in body.com.iter_mut().zip(["com.x", "com.y", "com.z"]) {
-            if let Some(shift) = take(what, &link.name, &vary.com, 0.0) {
-                *x += shift;
-            }
-        }
+        let shift = ["com.x", "com.y", "com.z"].map(|what| take(what, &link.name, &vary.com, 0.0).unwrap_or_default());
+        let shift = link.frame.rotation * Vector3::from(shift);
+        body.com += shift;
+        link.lifted.at += shift;
     }
     let friction = take("friction", "", &vary.friction, system.spec.material.friction);
     let stiffness = take("stiffness", "", &vary.stiffness, 1.0).unwrap_or(1.0);
@@ -103,6 +105,7 @@ fn varied(system: &System, take: &mut dyn FnMut(&Drawn) -> f64) -> Option<(Syste
         material.stiffness *= stiffness;
         material.damping *= damping;
     }
+    own.one_friction = friction.or(own.one_friction);
     if let Some(size) = take("gravity", "", &vary.gravity, system.gravity().norm()) {
         own.spec.gravity = (own.gravity().normalize() * size).into();
     }

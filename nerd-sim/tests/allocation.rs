@@ -1,6 +1,6 @@
-//! No allocation inside an analytic solver's step after warm-up: a simulator that allocates is slow in ways no profile of
-//! one environment shows. Counted on the thread that steps: what a thread pool or the test harness, which goes on beside a
-//! test, keeps for itself is not the solver's. 64 environments are stepped by one thread.
+//! No allocation inside an analytic solver's step after warm-up: an allocating simulator is slow in ways that no profile of one environment
+//! shows. Only the stepping thread is counted: memory of a thread pool, or of the test harness beside a test, is not the solver's. 64
+//! environments are stepped by one thread.
 
 mod common;
 
@@ -15,12 +15,12 @@ thread_local! {
     static COUNT: Cell<usize> = const { Cell::new(0) };
 }
 
-// SAFETY: every call is handed on to the system's allocator as it came.
+// SAFETY: every call is forwarded unchanged to the system's allocator.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        // A thread that ends has no count any more.
+        // A thread that is ending has no counter any more.
         let _ = COUNT.try_with(|count| count.set(count.get() + 1));
-        // SAFETY: the caller's promises are those of the trait.
+        // SAFETY: the caller fulfils the trait's conditions.
         unsafe { Heap.alloc(layout) }
     }
     unsafe fn dealloc(&self, at: *mut u8, layout: Layout) {

@@ -1,19 +1,31 @@
-//! The kernels of the articulated solver against the solver itself, without a device: their text is compiled as C++ and run on the CPU.
+//! The kernels of the articulated solver against the solver itself, without a GPU: their text is compiled as C++ and run on the CPU.
 
 mod common;
 mod cpp;
 #[path = "device/driven.rs"]
 mod driven;
+#[path = "device/fallen.rs"]
+mod fallen;
 #[path = "device/family.rs"]
 mod family;
+#[path = "device/fields.rs"]
+mod fields;
+#[path = "device/hulls.rs"]
+mod hulls;
+#[path = "device/lifted.rs"]
+mod lifted;
+#[path = "device/paired.rs"]
+mod paired;
+#[path = "device/spinning.rs"]
+mod spinning;
 
 use common::*;
 use cpp::{Compiler, bytes, doubles};
 use nerd_sim::articulated::device::{Reach, Real, back_program, goes_back, packed, program, records};
 use nerd_sim::{dataset::begin, drive::holding, range::Range, rig::Rig, vary, vary::VarySpec};
 
-/// How far kernels are from the solver after some frames: the largest difference of each environment's state, relative to 1 and to its
-/// size, and that of all forces, relative to the robot's weight.
+/// Errors of kernels against the solver after some frames: the largest difference of each environment's state, relative to 1 and to its
+/// size, and of all forces, relative to the robot's weight.
 #[derive(Debug)]
 struct Apart {
     states: Vec<f64>,
@@ -21,7 +33,7 @@ struct Apart {
 }
 
 impl Apart {
-    /// Of all environments but so many that are farthest off.
+    /// The largest error of all environments, without the `but` worst ones.
     fn states(&self, but: usize) -> f64 {
         let mut sorted = self.states.clone();
         sorted.sort_by(f64::total_cmp);
@@ -29,7 +41,7 @@ impl Apart {
     }
 }
 
-/// A case of both: a batch under constant torques.
+/// A case for both: a batch under constant torques.
 struct Case {
     batch: Batch,
     torques: Vec<f64>,
@@ -41,7 +53,7 @@ impl Case {
         program(&self.batch.system, &self.config, real, Reach::of(&self.batch))
     }
 
-    /// What kernels read: states, torques, scenes, whose each is, drives.
+    /// Inputs of kernels: states, torques, scenes, scene of each environment, drives.
     fn buffers(&self) -> Vec<Vec<u8>> {
         let batch = &self.batch;
         let (scenes, whose) = records(batch, Reach::of(batch)).expect("scenes with kernels");
@@ -76,7 +88,7 @@ impl Case {
     }
 }
 
-/// Random starts of a built-in robot a while later, until most of them touch something; torques of an eighth of the gain.
+/// Random starts of a built-in robot, stepped until most of them touch something; torques of an eighth of the gain.
 fn sampled(name: &str, scene: &str, config: ArticulatedConfig) -> Case {
     let system = if scene == "terrain" { on_rubble(name) } else { built_in(name) };
     let mut batch = batch(&system, scene, 40);
@@ -87,7 +99,7 @@ fn sampled(name: &str, scene: &str, config: ArticulatedConfig) -> Case {
     Case { batch, torques, config }
 }
 
-/// A chain on the ground, of links with two hinges each: deep enough that solver and kernels go along the tree and look for whips.
+/// A chain on the ground, of links with two hinges each: deep enough that solver and kernels use the tree and check for whips.
 fn chain(links: usize) -> String {
     let (ball, mut parts) = (collision([0.05, 0.0, 0.0], r#"<sphere radius="0.005"/>"#), vec![base()]);
     for k in 0..links {
@@ -106,7 +118,7 @@ fn chain(links: usize) -> String {
 fn a_long_chain_moves_as_the_solver_has_it() {
     let Some(compiler) = Compiler::find() else { return };
     let mut system = System::bare("chain", &chain(12), false).expect("a robot");
-    system.spec.material = Material { stiffness: 300.0, damping: 1.0, friction_damping: 10.0, friction: 0.5 };
+    system.spec.material = Material { stiffness: 300.0, damping: 1.0, friction_damping: 10.0, ..Material::default() };
     let system = Arc::new(system);
     let mut batch = batch(&system, "plane", 8);
     let (d, joints) = (system.robot.state_dim(), system.robot.joint_count());
@@ -119,7 +131,7 @@ fn a_long_chain_moves_as_the_solver_has_it() {
     let touching = touched.forces.iter().filter(|f| f.norm() > 0.0).count();
     assert!(touching > 10, "{touching} points touch");
     let free = case.apart(&compiler, Real::F64, 1);
-    // A drive that its effort holds all the time is no whip, and its bound is kept.
+    // A drive that is always at its effort is no whip, and its bound is kept.
     let drive = Drive { kp: 1e5, kd: 10.0, target: 2.0, effort: 1e-3, ..Drive::default() };
     case.batch.drives = vec![drive; case.batch.len() * joints];
     let driven = case.apart(&compiler, Real::F64, 1);
@@ -127,7 +139,7 @@ fn a_long_chain_moves_as_the_solver_has_it() {
     assert!(driven.states(0) < 1e-7, "driven: {driven:?}");
 }
 
-/// Leads that have fallen across floor and pegs for so many frames, each among pegs of its own, and the gripper's forces.
+/// Leads that have fallen across floor and pegs for `frames` frames, each among pegs of its own, with forces of the gripper.
 fn leads(frames: usize, substeps: usize) -> Case {
     let system = System::named(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/cables/lead-pegs.toml")).expect("the lead");
     let config = GenerateConfig { transitions: 60 * frames, frames, ..GenerateConfig::default() };
@@ -144,7 +156,7 @@ fn leads_among_pegs_move_as_the_solver_has_them() {
     let mut case = leads(40, 1);
     let (mut watched, system) = (case.batch.clone(), &case.batch.system);
     implicit(4).step(&mut watched, &case.torques).expect("it can be stepped");
-    // How many ends of rods touch, and how many of them are nearest to a peg.
+    // Count the rod ends that touch, and how many are nearest to a peg.
     let (mut all, mut aside, mut data) = (0, 0, Data::new(&system.robot));
     for env in 0..watched.len() {
         kinematics(&system.robot, watched.state(env), &mut data);
@@ -161,7 +173,7 @@ fn leads_among_pegs_move_as_the_solver_has_them() {
     }
 }
 
-/// One substep is too long for leads that whip. It is cut; uncut, it is another motion.
+/// One substep is too long for leads that whip: the fast modes are cut; without the cut the motion differs.
 #[test]
 fn whips_are_cut_as_the_solver_cuts_them() {
     let Some(compiler) = Compiler::find() else { return };
@@ -196,7 +208,7 @@ fn cubes_meet_a_peg_as_the_solver_has_it() {
     assert!(one.states(0) < 1e-9 && one.forces < 1e-7, "{one:?}");
 }
 
-/// Too few springs to be a chain: both go by the matrix. One is soft, one too stiff for its substep; both pull to some angle.
+/// Too few springs for a chain: both use the matrix. One spring is soft, one too stiff for its substep; both have a nonzero rest angle.
 #[test]
 fn springs_pull_as_the_solver_has_them() {
     let Some(compiler) = Compiler::find() else { return };
@@ -215,7 +227,7 @@ fn springs_pull_as_the_solver_has_them() {
     }
 }
 
-/// Arms that clap, by the matrix, and a chain of twelve that is curled up, along the tree; on the plane and without.
+/// Clapping arms, by the matrix, and a curled-up chain of twelve, along the tree; with and without a plane.
 #[test]
 fn links_on_each_other_move_as_the_solver_has_them() {
     let Some(compiler) = Compiler::find() else { return };
@@ -269,7 +281,7 @@ fn kernels_move_as_the_solver_does() {
     ] {
         let mut case = sampled(name, scene, ArticulatedConfig::accurate(&built_in(name)));
         let [double, single] = [Real::F64, Real::F32].map(|real| case.apart(&compiler, real, 1));
-        // Over an edge between two boxes 32 bits may take the other one: there a tenth may be apart.
+        // Over an edge between two boxes f32 may select the other one, so a tenth may differ.
         let worst = single.states(if scene == "steps" { case.batch.len() / 10 } else { 0 });
         assert!(double.states(0) < 1e-9 && double.forces < 1e-7, "{name} on {scene}: {double:?}");
         assert!(worst < 1e-3, "{name} on {scene} in f32: {single:?}");
@@ -278,7 +290,7 @@ fn kernels_move_as_the_solver_does() {
             let driven = case.apart(&compiler, Real::F64, 3);
             assert!(driven.states(0) < 1e-8, "{name} under drives: {driven:?}");
         }
-        // What is written out for small robots has loops for large ones.
+        // Code that is unrolled for small robots uses loops for large ones.
         if ["ant", "anymal", "franka"].contains(&name) {
             let loops = changed(&case.text(Real::F64), "#define UNROLLED 1\n", "#define UNROLLED 0\n");
             let looped = case.apart_by(&compiler, &loops, 3).states(0);
@@ -287,8 +299,8 @@ fn kernels_move_as_the_solver_does() {
     }
 }
 
-/// How far gradients are from the solver's, by environment in order: next states, and gradients by states and torques, against the size of their
-/// row.
+/// Errors of gradients against the solver's, by environment in order: next states, and gradients with respect to states and torques,
+/// relative to the size of their row.
 fn back_apart(case: &Case, compiler: &Compiler, real: Real) -> Vec<f64> {
     const ROWS: usize = 2;
     let (batch, robot) = (&case.batch, &case.batch.system.robot);
@@ -330,18 +342,18 @@ fn kernels_go_back_as_the_solver_does() {
         .chain(flying)
         .map(|(name, scene)| sampled(name, scene, ArticulatedConfig::accurate(&built_in(name))))
         .collect();
-    // So fast that the energy of every third frame asks for more substeps.
+    // So fast that the energy check of every third frame requires more substeps.
     for fast in [0, 5] {
         cases[fast].batch.states.chunks_exact_mut(4).flat_map(|state| &mut state[2..]).for_each(|v| *v *= 2.0);
     }
-    // Drives, of which some are at their effort; on the ground, and without anything to touch.
+    // Drives, some of them at their effort; on the ground, and without anything to touch.
     for scene in ["ground", "free"] {
         let mut case = sampled("ant", scene, ArticulatedConfig::accurate(&built_in("ant")));
         let drive = |k: usize| Drive { kp: 50.0, kd: 3.0, target: 0.5 * (k as f64).sin(), speed: 0.1, effort: 8.0 };
         case.batch.drives = (0..case.torques.len()).map(drive).collect();
         cases.push(case);
     }
-    // Joints that rub and spring, one of them too stiff for its substep, without anything to touch.
+    // Joints with friction and springs, one of them too stiff for its substep, without anything to touch.
     let mut system = System::bare("chain", &chain(1), false).expect("a robot");
     for (joint, numbers) in system.robot.joints_mut().zip([(0.02, 0.4, 1e-4), (50.0, -0.3, 2e-4)]) {
         (joint.stiffness, joint.rest, joint.friction) = numbers;
@@ -352,7 +364,7 @@ fn kernels_go_back_as_the_solver_does() {
     for case in cases {
         let what = format!("{} on {}", case.batch.system.name, case.batch.scenes[0].name);
         let [double, single] = [Real::F64, Real::F32].map(|real| back_apart(&case, &compiler, real));
-        // In one of them 32 bits may take another side of a kink, or see what is left of far larger slopes.
+        // In one of them f32 may take the other side of a kink, or suffer from cancellation of far larger gradients.
         assert!(double[39] < 1e-9 && single[38] < 1e-3 && single[39] < 0.1, "{what}: {double:?}, f32 {single:?}");
     }
 }

@@ -1,20 +1,20 @@
-//! A cable at rest, as a start: it hangs from a gripper that points along x, and the rest of it lies straight on a floor.
+//! A cable at rest, as a start: it hangs from a gripper that points along x, and its other part lies straight on a floor.
 //!
-//! With l the length that lies and a the pull at the floor by the weight of a metre, the hanging part falls off as a catenary,
-//! `tan(slope) = (s - l) / a` at arc length s from the free end. The gripper's clamp bends it out of its own direction within [`STEM`].
-//! l is what lets the free end lie on the floor.
+//! With l the length that lies and a the tension at the floor over the weight of a metre, the hanging part is a catenary,
+//! `tan(slope) = (s - l) / a` at arc length s from the free end. The gripper's clamp bends it away from the clamp's direction
+//! within [`STEM`]. l is such that the free end lies on the floor.
 
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-/// a (m): half of what friction holds of the lead, whose free fifth lies at a friction of 0.5.
+/// a (m): half of the largest friction force on the lying fifth of the lead (friction 0.5), over the weight of a metre.
 const PULL: f64 = 0.05;
-/// Length (m) over which the clamp's direction is left, by a share of 1 - 1/e: of the lead `sqrt(E I / T)` under its own weight T.
+/// Decay length (m) of the clamp's direction along the cable (a share of 1 - 1/e): for the lead `sqrt(E I / T)` under its own weight T.
 const STEM: f64 = 0.04;
 /// Halvings that find l to a billionth of the cable.
 const HALVINGS: usize = 30;
 
-/// Directions (unit length) of so many rods of length `rod` (m), from a gripper `height` (m) above where the free end lies, which is that
-/// way (rad, from x). A cable that cannot reach the floor hangs from end to end.
+/// Directions (unit length) of `rods` rods of length `rod` (m), from a gripper `height` (m) above the floor on which the free end lies in
+/// direction `heading` (rad, from x). A cable that cannot reach the floor hangs from end to end.
 pub fn drape(rods: usize, rod: f64, height: f64, heading: f64) -> Vec<Vector3<f64>> {
     let along = |lying: f64| -> Vec<Vector3<f64>> {
         let direction = |k: usize| {
@@ -30,7 +30,7 @@ pub fn drape(rods: usize, rod: f64, height: f64, heading: f64) -> Vec<Vector3<f6
     let (mut low, mut high) = (0.0, rods as f64 * rod);
     for _ in 0..HALVINGS {
         let middle = 0.5 * (low + high);
-        // What lies does not hang.
+        // The lying part does not hang.
         if drop(&along(middle)) > height { low = middle } else { high = middle }
     }
     along(low)

@@ -1,7 +1,7 @@
 //! A batch of episodes of one task on any solver.
 //!
-//! A step is [`crate::Task::frames`] frames, each one call of the solver for all environments. Every episode draws from a
-//! ChaCha8 stream of its own, keyed by (seed, environment, episode), so what happens depends on neither threads nor neighbours.
+//! A step is [`crate::Task::frames`] frames, each one call of the solver for all environments. Every episode draws from a ChaCha8 stream of
+//! its own, keyed by (seed, environment, episode), so results depend on neither threads nor other environments.
 
 mod begin;
 
@@ -13,7 +13,7 @@ use crate::snapshot::{MOVED, Past};
 use crate::step::{CHUNK, StepResult, episode, rows, view};
 use crate::{Snapshot, Task, Trace, View, Work};
 
-/// A coordinate beyond this (m, rad, or their rates) is no motion any more: the episode has failed.
+/// A coordinate beyond this (m, rad, or their rates) counts as a failure of the episode.
 const FAR: f64 = 1e5;
 
 /// Episodes of one task in every environment of a simulation; ended ones restart at once.
@@ -32,9 +32,9 @@ pub struct Episodes {
     observations: Vec<f64>,
     past: Past,
     trace: Option<Trace>,
-    /// Whether they go up and down in levels.
+    /// Whether episodes go up and down in levels.
     climbs: bool,
-    /// Why the first of those that the solver could not go on with ended.
+    /// Reason of the first solver failure that ended an episode.
     pub fault: Option<String>,
 }
 
@@ -47,7 +47,7 @@ impl Episodes {
         Self::part(task, simulation, seed, 0)
     }
 
-    /// Environments `first ..` of more: what happens in them is what would happen there among all.
+    /// Environments from `first` on of a larger set: their episodes are the same as within that set.
     ///
     /// # Panics
     /// As [`Episodes::new`].
@@ -68,18 +68,21 @@ impl Episodes {
             task,
             simulation,
         };
+        if episodes.task.controlled() {
+            episodes.simulation.serve();
+        }
         (0..n).for_each(|env| episodes.start(env));
         episodes.observe(|_| true);
         episodes
     }
 
-    /// Keeps so many frames for [`Self::snapshot`]: as many as the solver's next step depends on (a network's receptive field;
-    /// 0 for an analytic solver).
+    /// Keeps the last `frames` frames for [`Self::snapshot`]: as many as the solver's next step depends on (a network's receptive field; 0
+    /// for an analytic solver).
     pub fn remember(&mut self, frames: usize) {
         self.past.most = frames.max(Past::for_lag(&self.simulation.batch.system).most);
     }
 
-    /// Writes down all frames from here on; what was written down so far.
+    /// Records all frames from here on; returns the frames recorded so far.
     pub fn trace(&mut self) -> Trace {
         self.trace.replace(Trace::default()).unwrap_or_default()
     }
@@ -125,7 +128,7 @@ impl Episodes {
             return Err(StepError::Solver(format!("{} actions for {n} environments of {width} each", actions.len())));
         }
         self.task.about().check().map_err(|e| StepError::Solver(format!("task `{}`: {e}", self.task.name())))?;
-        // Also those of a beginning, which the actions come from.
+        // Also the initial observations, from which the actions come.
         self.finite("observe", &self.observations)?;
         let mut failed = vec![false; n];
         for _ in 0..self.task.frames() {
@@ -159,7 +162,7 @@ impl Episodes {
         Ok(result)
     }
 
-    /// What later steps depend on.
+    /// Everything that later steps depend on.
     pub fn snapshot(&self) -> Snapshot {
         let batch = &self.simulation.batch;
         let (states, frames) = (batch.states.clone(), batch.frames.clone());
@@ -168,10 +171,10 @@ impl Episodes {
         snapshot
     }
 
-    /// Goes on where a snapshot of as many environments of the same task was taken.
+    /// Continues from a snapshot of as many environments of the same task.
     ///
     /// # Errors
-    /// If it is not of these sizes, or the solver cannot be stepped through its frames again.
+    /// If its sizes differ, or the solver cannot be stepped through its frames again.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), StepError> {
         let batch = &mut self.simulation.batch;
         let fits = (batch.states.len(), batch.frames.len(), self.goals.len(), self.begun.len());
@@ -223,6 +226,8 @@ impl Episodes {
     }
 
     pub(crate) fn act(&mut self, actions: &[f64]) -> &[f64] {
+        let servo = self.task.controlled() && self.simulation.serve();
+        self.works.iter_mut().for_each(|work| work.controller.servo = servo);
         let (task, batch, goals) = (&*self.task, &self.simulation.batch, &*self.goals);
         let (width, joints) = (task.action_dim(), batch.system.robot.joint_count());
         rows(&mut self.torques, joints, &mut self.works, |env, torques, work| {
@@ -285,7 +290,7 @@ impl Episodes {
         }
     }
 
-    /// Observes some environments, as their sensors show them.
+    /// Observes some environments, through their sensors.
     fn observe(&mut self, some: impl Fn(usize) -> bool + Sync) {
         let Self { task, simulation: Simulation { batch, .. }, goals, observations, works, past, seed, first, begun, .. } = self;
         let sensed = !batch.systems.is_empty() && batch.system.sensed();

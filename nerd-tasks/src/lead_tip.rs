@@ -1,23 +1,23 @@
 //! A gripper draws a lead's free end, the tip, across a floor, after a target that moves along a winding line. World up is +z; m, rad, s.
 //!
-//! The target sets off from rest and goes at v, its line winding about a heading psi that leads towards the gripper: with s the way gone,
+//! The target starts from rest and moves at v along a line that winds about a heading psi towards the gripper: with s the distance gone,
 //!
 //! ```text
 //! s(t) = v (t - T (1 - exp(-t / T))),   w(s) = m L / (2 pi) (sin(2 pi s / L + p) - sin p),   T = 0.3
 //! R = 0.7 exp(-(d / 0.04)^2) + 0.3 exp(-d / 0.2) - 0.02 |v_gripper|^2
 //! ```
 //!
-//! where w is how far it is off to the left, m the steepest slope of its windings, L their length, and d the distance of tip and target. A
-//! lead can be drawn but not pushed, so the target never turns back, and begins ahead of the tip. How much of the lead lies on the floor is
-//! the policy's to choose: the tip follows the more sharply, the higher the gripper.
+//! where w is its offset to the left, m the steepest slope of its windings, L their length, and d the distance of tip and target. A lead
+//! can be drawn but not pushed, so the target never turns back, and begins ahead of the tip. The policy chooses how much of the lead lies
+//! on the floor: the higher the gripper, the more closely the tip follows.
 //!
-//! Action: velocity of the gripper's three slides, 1 is [`FASTEST`]; its hinges stay at home. Each frame their springs are asked to go so
-//! far beyond where they are that they reach it, within [`BOX`]. Heights, speeds and the gripper's direction are those of the cable's
-//! training data; a learned cable does not see where on the floor it is.
+//! Action: velocity of the gripper's three slides, 1 is [`FASTEST`]; its hinges stay at home. In each frame the spring targets are set far
+//! enough ahead to give this velocity, within [`BOX`]. Heights, speeds and the gripper's direction match the cable's training data; a
+//! learned cable does not see its position on the floor.
 //!
-//! Observation: 71 numbers in world axes: tip from target, and its velocity from the target's (6); the target's velocity, and its way in
-//! the next 1/4, 1/2 and 1 s (8); gripper from target, gripper from home, its velocity (9); eight points along the lead, the tip the
-//! last, each with its velocity, from the gripper (48). Never over; truncated after 100 steps of 3 frames of 1/60 s.
+//! Observation: 71 numbers in world axes: tip from target, and its velocity from the target's (6); the target's velocity, and its
+//! displacement in the next 1/4, 1/2 and 1 s (8); gripper from target, gripper from home, its velocity (9); eight points along the lead,
+//! the tip the last, each with its velocity, from the gripper (48). Never terminated; truncated after 100 steps of 3 frames of 1/60 s.
 
 use nalgebra::Vector2;
 use nerd_core::{dynamics::velocities, velocity::root_position};
@@ -34,7 +34,7 @@ pub struct LeadTip;
 /// Rods of the lead, and slides and hinges in front of them.
 const RODS: usize = 40;
 const AXES: usize = 6;
-/// Points along the lead that are seen.
+/// Observed points along the lead.
 const SEEN: usize = 8;
 /// Seconds of a frame.
 const FRAME: f64 = 1.0 / 60.0;
@@ -42,16 +42,15 @@ const FRAME: f64 = 1.0 / 60.0;
 const AHEAD: [u64; 3] = [15, 30, 60];
 /// Velocity of the gripper at an action of 1 (m/s). In the data it goes through 0.3 m and more in 0.3 to 1.5 s.
 const FASTEST: f64 = 0.4;
-/// Where the gripper is led, from home (m). In one frame of twenty of the data it is higher; the sides are as wide as the longest of
-/// lines asks for.
+/// Bounds of the gripper, from home (m). The data exceeds the height in one frame of twenty; the sides fit the longest line.
 const BOX: [Range; 3] = [Range { low: -0.5, high: 0.5 }, Range { low: -0.5, high: 0.5 }, Range { low: -0.2, high: 0.2 }];
-/// Distance (m) from the target in which an episode has succeeded.
+/// Distance (m) from the target within which an episode succeeds.
 const NEAR: f64 = 0.02;
 
-/// Where the tip lies at first (m, from the foot of home), and by how much it may be beside that, along x and y.
+/// Initial position of the tip (m, from the foot of home), and its range about that, along x and y.
 const TIP: Vector2<f64> = Vector2::new(0.75, 0.0);
 const BESIDE: Range = Range { low: -0.03, high: 0.03 };
-/// Height of the gripper (m) at first, and the lead's heading (rad, from x) as it is seen from there.
+/// Initial height of the gripper (m), and the lead's heading (rad, from x) as seen from there.
 const HEIGHT: Range = Range { low: 0.6, high: 0.7 };
 const HEADING: Range = Range { low: -0.3, high: 0.3 };
 /// How far the target begins ahead of [`TIP`] (m).
@@ -60,13 +59,13 @@ const LEAD: Range = Range { low: 0.0, high: 0.08 };
 const SPEED: Range = Range { low: 0.06, high: 0.12 };
 const SLOPE: Range = Range { low: 0.3, high: 1.0 };
 const LENGTH: Range = Range { low: 0.25, high: 0.5 };
-/// T: seconds in which it comes up to speed.
+/// T: time (s) of acceleration.
 const RISE: f64 = 0.3;
 
 /// Numbers of a goal: where the target is now, and the frames that it has gone; where it began, v, psi, m, L and p.
 const GOAL: usize = 11;
 
-/// Where the target of a goal is after so many frames.
+/// Position of a goal's target after `frames` frames.
 fn place(goal: &[f64], frames: f64) -> Vector2<f64> {
     let [x, y, speed, heading, slope, length, phase] = std::array::from_fn(|k| goal[4 + k]);
     let t = frames * FRAME;

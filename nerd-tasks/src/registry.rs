@@ -39,7 +39,7 @@ pub fn general() -> Vec<&'static str> {
     GENERAL.iter().map(|(name, _)| *name).collect()
 }
 
-/// What a task is called in a folder's name: `walk-go2` of `walk@robots/go2.urdf`.
+/// A task's name as part of a folder's name: `walk-go2` for `walk@robots/go2.urdf`.
 pub fn word(name: &str) -> String {
     let stem = |part: &str| Path::new(part).file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
     let (task, robot) = parts(name);
@@ -54,10 +54,11 @@ pub fn parts(name: &str) -> (&str, Option<&str>) {
     all.find(|(task, _)| known(task)).or(first).unwrap_or((name, None))
 }
 
-/// A task by name, or by the path of its file (.toml); with `@` and a robot behind it, for that robot, unless the task is built in for another. Its own name is what it was called by.
+/// A task by name, or by the path of its file (.toml); with `@` and a robot behind it, for that robot, unless the task is built in for
+/// another. Its own name is the name given here.
 ///
 /// # Errors
-/// If there is none of that name, or its file or its robot is wrong.
+/// If there is no such task, or its file or its robot is wrong.
 pub fn named(name: &str) -> Result<Box<dyn Task>, TaskError> {
     let (task, robot) = parts(name);
     if let Some((_, text)) = GENERAL.iter().find(|(own, _)| *own == task) {

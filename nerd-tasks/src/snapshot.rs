@@ -1,4 +1,4 @@
-//! What is saved of running episodes so that they continue exactly, on any solver, and what is written down of them.
+//! The saved state of running episodes, with which they continue exactly, on any solver; and the record of their frames.
 //!
 //! An analytic solver needs the states only. A learned one's memory is a function of the last frames, so these are saved and
 //! [`Past::replay`] steps the solver through them again.
@@ -9,10 +9,10 @@ use nerd_sim::solver::{Simulation, StepError};
 use nerd_sim::system::System;
 use rayon::prelude::*;
 
-/// Numbers that one thread copies at least: of thousands of environments a step moves megabytes.
+/// Least numbers that one thread copies: for thousands of environments a step moves megabytes.
 pub(crate) const MOVED: usize = 1 << 14;
 
-/// Everything of [`crate::Episodes`] that later steps depend on; row-major over n environments.
+/// Everything in [`crate::Episodes`] that later steps depend on; row-major over n environments.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Snapshot {
     /// States `[n][q, qd]`.
@@ -29,7 +29,7 @@ pub struct Snapshot {
     pub past_torques: Vec<f64>,
 }
 
-/// Frames that were stepped, one after the other.
+/// Consecutive frames.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Trace {
     /// States before each frame, `[frame][env][q, qd]`.
@@ -38,7 +38,7 @@ pub struct Trace {
     pub goals: Vec<f64>,
     /// Torques held over it, `[frame][env][joint]`.
     pub torques: Vec<f64>,
-    /// States that each step led to, before ended episodes restarted, `[step][env][q, qd]`; not a number where the solver could not go on.
+    /// States after each step, before ended episodes restarted, `[step][env][q, qd]`; NaN where the solver failed.
     pub reached: Vec<f64>,
 }
 
@@ -50,19 +50,19 @@ pub(crate) struct Past {
 }
 
 impl Past {
-    /// As many frames as what a policy sees of a system's robots may be late.
+    /// As many frames as the largest delay of a system's observations.
     pub(crate) fn for_lag(system: &System) -> Self {
         let lag = system.spec.vary.as_ref().and_then(|vary| vary.lag);
         Self { most: lag.map_or(0, |lag| lag.high.round() as usize), ..Self::default() }
     }
 
-    /// State of an environment, of so many numbers, so many frames ago; none of now.
+    /// State of an environment (of `width` numbers) `frames` frames ago; `None` for 0.
     pub(crate) fn ago(&self, frames: usize, env: usize, width: usize) -> Option<&[f64]> {
         let (states, _) = self.frames.get(self.frames.len().checked_sub(frames)?)?;
         Some(&states[env * width..(env + 1) * width])
     }
 
-    /// Keeps what is about to be stepped.
+    /// Stores the states and torques of the frame to be stepped.
     pub(crate) fn push(&mut self, states: &[f64], torques: &[f64]) {
         if self.most == 0 {
             return;
@@ -87,7 +87,7 @@ impl Past {
         frames.for_each(|(s, t)| self.frames.push_back((s.to_vec(), t.to_vec())));
     }
 
-    /// Steps the solver through the frames kept, the last of which ends in `simulation`'s state.
+    /// Steps the solver through the stored frames; the last one ends in `simulation`'s state.
     pub(crate) fn replay(&self, simulation: &mut Simulation) -> Result<(), StepError> {
         let (states, frames) = (simulation.batch.states.clone(), simulation.batch.frames.clone());
         for (k, (before, torques)) in self.frames.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! What a step of many environments gives, and how they are looked after side by side.
+//! Results of a step of many environments, and loops over environments on all threads.
 
 use nerd_sim::prelude::*;
 use rand_chacha::ChaCha8Rng;
@@ -6,29 +6,29 @@ use rayon::prelude::*;
 
 use crate::{View, Work};
 
-/// Environments that one thread looks after in a row.
+/// Environments that one thread handles in a row.
 pub(crate) const CHUNK: usize = 32;
 
-/// What a step gave, by environment.
+/// Results of a step, by environment.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StepResult {
     /// Rewards.
     pub rewards: Vec<f64>,
-    /// What they are made of, `[env][`[`crate::Task::terms`]`]`; 0 where the solver could not go on.
+    /// Terms of the rewards, `[env][`[`crate::Task::terms`]`]`; 0 where the solver failed.
     pub terms: Vec<f64>,
     /// Episodes that ended in a terminal state.
     pub terminated: Vec<bool>,
-    /// Episodes that ran out of time. The state they were in has a value yet: see `reached`.
+    /// Episodes that ran out of time. Their last state still has a value: see `reached`.
     pub truncated: Vec<bool>,
     /// Observations `[env][observation_dim]` of the states reached, before ended episodes restarted.
     pub reached: Vec<f64>,
-    /// [`crate::Task::miss`] of the states reached; none of one that the solver could not go on with.
+    /// [`crate::Task::miss`] of the states reached; `None` where the solver failed.
     pub misses: Vec<Option<f64>>,
-    /// Episodes that the solver could not go on with (a state not finite, or beyond 1e5): terminated, with reward 0.
+    /// Episodes in which the solver failed (a state not finite, or beyond 1e5): terminated, with reward 0.
     pub failed: Vec<bool>,
 }
 
-/// What an environment, by its number among all, draws from in its present episode, as many of which have begun.
+/// Random stream of an environment's present episode, by the environment's number among all and the episodes begun in it.
 pub(crate) fn episode(seed: u64, env: usize, begun: u64) -> ChaCha8Rng {
     stream(seed, (env as u64) << 32 | (begun - 1))
 }

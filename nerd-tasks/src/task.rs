@@ -1,17 +1,22 @@
 //! The trait of tasks: observation, action, reward and end of an episode, in Gymnasium's terms.
 
-use nerd_sim::{articulated::device::Reach, prelude::*, sampling::hurry};
+use nerd_sim::{articulated::device::Reach, prelude::*, range::within, sampling::hurry};
 use rand_chacha::ChaCha8Rng;
 
-/// Times that a fast start is slowed down by half, at most.
+/// Limits: numbers of an observation and of an action, steps of an episode, and frames of a step (at 0.1 s each, a minute and a half).
+const MOST_SEEN: f64 = 65_536.0;
+const MOST_ACTIONS: f64 = 4096.0;
+const MOST_STEPS: f64 = 1e6;
+const MOST_FRAMES: f64 = 1000.0;
+/// Most times that a fast start's velocity is halved.
 const HALVINGS: usize = 12;
 
-/// One environment as a task sees it.
+/// One environment as seen by a task.
 #[derive(Clone, Copy)]
 pub struct View<'a> {
     /// State `[q, qd]`.
     pub state: &'a [f64],
-    /// What this episode asks for, [`Task::goal_dim`] numbers; empty for most tasks.
+    /// The episode's goal, [`Task::goal_dim`] numbers; empty for most tasks.
     pub goal: &'a [f64],
     /// The scene.
     pub scene: &'a Scene,
@@ -59,12 +64,13 @@ pub struct About {
 }
 
 impl About {
-    /// Refuses a task that does not see, act or last.
+    /// Refuses a task without observation, action or steps, or one too large for any run.
     pub fn check(&self) -> Result<(), String> {
-        let sizes =
-            [("observation", self.observation as u64), ("action", self.action as u64), ("steps", self.steps), ("frames", self.frames)];
-        let none = sizes.into_iter().find(|(_, size)| *size == 0);
-        none.map_or(Ok(()), |(field, _)| Err(format!("{field} is 0; at least 1 is needed")))
+        let whole = |key: &str, n: u64, most: f64| within(key, n as f64, 1.0..=most, "");
+        whole("observation", self.observation as u64, MOST_SEEN)?;
+        whole("action", self.action as u64, MOST_ACTIONS)?;
+        whole("steps", self.steps, MOST_STEPS)?;
+        whole("frames", self.frames, MOST_FRAMES)
     }
 }
 
@@ -79,20 +85,20 @@ pub trait Task: Send + Sync {
         System::named(self.robot())
     }
 
-    /// A robot like its own, with what the task says of robots: frames, substeps, rotors, terrain.
+    /// The given robot with the task's settings: frame time, substeps, rotors, terrain.
     ///
     /// # Errors
-    /// If that is out of its range for this one.
+    /// If a setting is out of range for this robot.
     fn fit(&self, robot: Arc<System>) -> Result<Arc<System>, SystemError> {
         Ok(robot)
     }
 
-    /// The text that it was read from, if it was ([`crate::FileTask`]).
+    /// The text it was read from, for a task from a file ([`crate::FileTask`]).
     fn text(&self) -> Option<&str> {
         None
     }
 
-    /// Whether a goal's first three numbers are a place in the world (m), and shown.
+    /// Whether a goal's first three numbers are a position in the world (m), to be shown.
     fn place(&self) -> bool {
         self.goal_dim() >= 3
     }
@@ -102,13 +108,13 @@ pub trait Task: Send + Sync {
         0
     }
 
-    /// Names and ranges of a goal's numbers, of a task that names them.
+    /// Names and ranges of a goal's numbers, for a task that names them.
     fn commands(&self) -> Vec<(String, [f64; 2])> {
         Vec::new()
     }
 
-    /// Numbers at a goal's end that are the last action and the one before it, and maybe the steps of the episode so far; zeros at first.
-    /// Whoever steps a task writes them by [`Task::remember`].
+    /// Numbers at a goal's end that hold the last action and the one before it, and maybe the steps of the episode so far; zeros at first.
+    /// The caller that steps a task updates them by [`Task::remember`].
     fn memory(&self) -> usize {
         0
     }
@@ -126,8 +132,8 @@ pub trait Task: Send + Sync {
         }
     }
 
-    /// Where the level of an episode is among its goal's numbers, and how many levels there are: the level is a share of the heights of the
-    /// terrain, 1 unless [`crate::Episodes::climb`] moves it. Behind it is the sum of misses over the last half of the episode.
+    /// Index of the level among the goal's numbers, and the number of levels. The level is a factor on the terrain's heights, 1 unless
+    /// [`crate::Episodes::climb`] changes it. The next number is the sum of errors over the last half of the episode.
     fn levels(&self) -> Option<(usize, usize)> {
         None
     }
@@ -135,7 +141,7 @@ pub trait Task: Send + Sync {
     /// Draws an episode's goal.
     fn draw_goal(&self, _rng: &mut ChaCha8Rng, _out: &mut [f64]) {}
 
-    /// Moves a goal on by a frame, where it moves.
+    /// Advances a goal by a frame, if it moves.
     fn advance(&self, _goal: &mut [f64]) {}
 
     /// A start `[q, qd]`; drawn from the robot's own `reset` ranges unless a task has another.
@@ -149,41 +155,46 @@ pub trait Task: Send + Sync {
     /// Writes the joint torques (N m or N) of an action, which is clamped to [-1, 1]. Nothing limits them afterwards.
     fn act(&self, view: View, action: &[f64], work: &mut Work, torques: &mut [f64]);
 
+    /// Whether its torques come from the robot's own controller alone, which may then act as servos inside a frame ([`Simulation::serve`]).
+    fn controlled(&self) -> bool {
+        false
+    }
+
     /// Reward for arriving here; `torques` acted in the last frame.
     fn reward(&self, view: View, torques: &[f64], work: &mut Work) -> f64;
 
-    /// Names of what its reward is made of, of a task that names it.
+    /// Names of the reward's terms, for a task that names them.
     fn terms(&self) -> &[String] {
         &[]
     }
 
-    /// The reward, and behind it the terms.
+    /// The reward, followed by its terms.
     fn rewards(&self, view: View, torques: &[f64], work: &mut Work) -> Vec<f64> {
         vec![self.reward(view, torques, work)]
     }
 
-    /// How far this is from what is asked for, in units of what may be missed; none of a task that does not speak of success. An episode
-    /// has succeeded in which the mean over the last half of its steps is 1 at most.
+    /// Error relative to the tolerance; `None` for a task that does not define success. An episode has succeeded if the mean over the last
+    /// half of its steps is at most 1.
     fn miss(&self, _view: View, _work: &mut Work) -> Option<f64> {
         None
     }
 
-    /// What a miss of 1 is, and its unit.
+    /// The tolerance (the error that counts as 1), and its unit.
     fn allowed(&self) -> (f64, &str) {
         (1.0, "")
     }
 
-    /// Whether being here ends the episode.
+    /// Whether this state ends the episode.
     fn terminated(&self, _view: View, _work: &mut Work) -> bool {
         false
     }
 
-    /// Its slopes, if it is written in formulas ([`crate::formula`]).
+    /// Its gradients, if it is written in formulas ([`crate::formula`]).
     fn slopes(&self) -> Option<&dyn Slopes> {
         None
     }
 
-    /// The task as kernels for a graphics card ([`crate::formula`]), for a batch of this reach, with functions for its slopes or without.
+    /// The task as kernels for a GPU ([`crate::formula`]), for a batch of this reach, with functions for its gradients or without.
     ///
     /// # Errors
     /// If there are none, as for a task without [`crate::formula::Formulas`].
@@ -227,23 +238,22 @@ pub trait Task: Send + Sync {
     }
 }
 
-/// Vector-Jacobian products of a task: gradients by what it says become gradients by the state, in its tangent space
-/// ([`nerd_core::tangent`]), by action and by torques, and are added up. Goals, which contact points are nearest to what, and under a
-/// position law that looks ahead the robot's mass matrix and bias count as constant.
+/// Vector-Jacobian products of a task: upstream gradients with respect to its results become gradients with respect to the state, in its
+/// tangent space ([`nerd_core::tangent`]), to action and to torques, and are added. Held constant are goals, the assignment of contact
+/// points to nearest surfaces and, under a position law with prediction, the robot's mass matrix and bias.
 pub trait Slopes: Send + Sync {
     /// Of [`Task::observe`].
     fn observe_back(&self, view: View, work: &mut Work, by: &[f64], slope: &mut [f64]);
 
-    /// Of [`Task::act`], by the action as it is clamped.
+    /// Of [`Task::act`], with respect to the clamped action.
     fn act_back(&self, view: View, action: &[f64], work: &mut Work, by: &[f64], slope: &mut [f64], by_action: &mut [f64]);
 
     /// Of [`Task::reward`].
     fn reward_back(&self, view: View, torques: &[f64], work: &mut Work, by: f64, slope: &mut [f64], by_torques: &mut [f64]);
 }
 
-/// A start of a task with velocities that a policy comes to only once it is good ([`hurry`]), and that a model should know before. Where
-/// the task would be over at once it is slowed down by halves until it is not. What ends a task must not depend on its goal: none of an
-/// episode is known here.
+/// A start of a task at velocities that only a good policy reaches ([`hurry`]), for a model to learn beforehand. Where the task would end
+/// at once, the velocities are halved until it does not. A task's end must not depend on its goal: here there is no episode.
 pub fn fast_start(task: &dyn Task, system: &Arc<System>, rng: &mut ChaCha8Rng) -> Vec<f64> {
     let mut state = task.reset(system, rng);
     hurry(system, &mut state, rng);

@@ -3,6 +3,7 @@
 use std::ops::RangeInclusive;
 
 use indicatif::DecimalBytes;
+use nerd_sim::files::memory::free;
 
 use crate::prelude::*;
 
@@ -25,10 +26,11 @@ pub const EMBEDDING: RangeInclusive<u64> = 1..=4096;
 /// Seeds: what JSON and TOML hold, and some more for the seeds that are made of them.
 pub const SEEDS: RangeInclusive<u64> = 0..=i64::MAX as u64;
 
+/// Minutes: two years.
+pub const MINUTES: f64 = 1e6;
+
 /// Substeps of all environments that a command may ask for: at a microsecond each, a day.
 const WORK: u128 = 100_000_000_000;
-/// Memory of a machine that does not say what it has (bytes).
-const MEMORY: u64 = 8 << 30;
 
 /// Refuses what needs more memory than there is: `bytes` for every combination of `factors`, options with their values.
 pub fn memory(factors: &[(&str, usize)], bytes: usize) -> Result<()> {
@@ -74,14 +76,4 @@ fn words(factors: &[(&str, usize)]) -> String {
 
 fn size(bytes: u128) -> DecimalBytes {
     DecimalBytes(u64::try_from(bytes).unwrap_or(u64::MAX))
-}
-
-/// Memory that this process may still have (bytes): the least of what the machine, its container and a `ulimit` say.
-fn free() -> u64 {
-    let read = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
-    let field = |text: &str, name: &str| text.lines().find_map(|l| l.strip_prefix(name)?.split_whitespace().next()?.parse::<u64>().ok());
-    let machine = field(&read("/proc/meminfo"), "MemAvailable:").map(|kib| kib.saturating_mul(1024));
-    let container = read("/sys/fs/cgroup/memory.max").trim().parse().ok();
-    let process = field(&read("/proc/self/limits"), "Max address space");
-    [machine, container, process].into_iter().flatten().min().unwrap_or(MEMORY)
 }

@@ -5,7 +5,7 @@ use nerd_sim::instruments::Timed;
 use crate::evaluate::PassiveReport;
 use crate::prelude::*;
 
-/// As many runs as fit into this, at most so many; and [`SOME`] if they fit into [`PATIENCE`].
+/// Runs are repeated while they fit into this, up to a limit; [`SOME`] runs if they fit into [`PATIENCE`].
 const TIME: Duration = Duration::from_millis(300);
 const MOST: usize = 20;
 const SOME: usize = 3;
@@ -21,7 +21,7 @@ fn best<E>(mut run: impl FnMut() -> Result<Duration, E>) -> Result<Duration, E> 
     Ok(best)
 }
 
-/// A solver's errors, found in so many frames, and the microseconds of a frame of its own; time and errors are of the same steps.
+/// A solver's errors over a number of frames, and its time per frame (us); both come from the same steps.
 pub fn timed(
     solver: Box<dyn Solver>,
     frames: usize,

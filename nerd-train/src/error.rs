@@ -15,6 +15,9 @@ pub enum Error {
     /// Settings that mean nothing together, or more than there is.
     #[error("{0}")]
     Refused(String),
+    /// Broken off: see [`crate::stop`].
+    #[error("stopped")]
+    Stopped,
     /// What a part says: a robot, a solver, a model, a data set, a learner.
     #[error(transparent)]
     Part(Box<dyn std::error::Error + Send + Sync>),
@@ -36,7 +39,7 @@ macro_rules! refuse {
 }
 pub(crate) use refuse;
 
-/// Makes the error of a part one of the crate. A part of this crate does so where it is, so that this file knows none of them.
+/// Makes the error of a part one of the crate. Each part does so in its own module, so this file depends on no part.
 macro_rules! part {
     ($($error:ty),+) => { $(
         impl From<$error> for $crate::error::Error {

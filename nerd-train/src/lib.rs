@@ -28,6 +28,7 @@ pub mod schedule;
 pub mod settings;
 pub mod shipped;
 pub mod stats;
+pub mod stop;
 pub mod supply;
 mod tensors;
 pub mod trainer;

@@ -12,12 +12,12 @@ use crate::prelude::*;
 
 part!(LogError, CalibrateError);
 
-/// Every so many-th trajectory is held out; and of the others, every so many-th chooses weights.
+/// One trajectory in this many is held out; of the rest, one in this many chooses the weights.
 const HELD_OUT: usize = 5;
 const CHOOSES: usize = 6;
-/// So many names of what is held out are on a card; of more, by the rule above, the rule is.
+/// A card lists at most this many names of held-out trajectories; beyond it, it states the rule.
 const NAMED: usize = 100;
-/// Of the windows that there are, at most one in so many is lost to what is recorded in shorter pieces.
+/// Cutting a recording into pieces loses at most one window in this many.
 const LOST: usize = 100;
 const TRIALS: usize = 200;
 
@@ -122,7 +122,7 @@ impl Measured {
         [self.learned.len(), self.learned.iter().map(frames).sum()]
     }
 
-    /// A part in pieces of about `length` frames, such that every sequence of so many frames is in one of them.
+    /// A part in pieces of about `length` frames, such that every sequence of `sequence` frames lies in one of them.
     pub fn recording(&self, part: &[Trajectory], length: usize, sequence: usize) -> Result<Recording> {
         let mut lengths: Vec<usize> = part.iter().map(frames).filter(|n| *n >= sequence).collect();
         lengths.sort_unstable();
@@ -144,7 +144,7 @@ impl Measured {
         Ok(self.log.system.scene(&self.log.scene)?)
     }
 
-    /// Pieces of a part to roll out in: so many frames, seen `before` each, a start every so many frames, at most so many of them.
+    /// At most `most` pieces of a part to roll out in: `frames` frames after `before` frames of history, a start every `every` frames.
     pub fn pieces(&self, part: &[Trajectory], [before, frames, every]: [usize; 3], most: usize) -> Result<Pieces> {
         let length = before + frames;
         let starts = part.iter().enumerate().flat_map(|(k, t)| {
@@ -163,7 +163,7 @@ impl Measured {
         self.cut(part, &starts, [before, frames], most)
     }
 
-    /// Pieces at most so many, from starts in a part by trajectory and frame.
+    /// At most `most` pieces, from starts given by trajectory and frame in a part.
     fn cut(&self, part: &[Trajectory], starts: &[(usize, usize)], [before, frames]: [usize; 2], most: usize) -> Result<Pieces> {
         let starts: Vec<_> = starts.iter().step_by(starts.len().div_ceil(most.max(1))).collect();
         let rows = |of: &dyn Fn(&Trajectory, usize) -> Vec<f64>, count: usize| {
@@ -227,7 +227,7 @@ impl Measured {
         Ok(Subject::new(&self.log.system, &self.log.scene, engine)?)
     }
 
-    /// The same with what free motion may determine fitted to what is learned from, over rollouts of so many frames.
+    /// The same with what free motion may determine fitted to the training part, over rollouts of `frames` frames.
     pub fn calibrated(&self, frames: usize, evaluations: usize) -> Result<Subject> {
         let (subject, log) = (self.described()?, Log { trajectories: self.learned.clone(), ..self.log.clone() });
         let mut parameters = Parameter::usual(&log.system, &log.scene, false)?;

@@ -28,5 +28,6 @@ pub(crate) use crate::difference::between;
 pub(crate) use crate::error::{Error, Result, part, refuse};
 pub(crate) use crate::learner::{LearnError, Learner, LearnerConfig, LearnerState, Optimizer, Progress, validation_rows};
 pub(crate) use crate::progress::bar;
+pub(crate) use crate::stop::Stop;
 pub(crate) use crate::tensors::Tensors;
 pub(crate) use crate::windows::Windows;

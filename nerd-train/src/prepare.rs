@@ -4,7 +4,7 @@ use nerd_sim::dataset::{Manifest, record, sha256_of};
 
 use crate::prelude::*;
 
-/// Tokens and targets of every frame of a recording, not normalised yet; in the form asked for. Tokens are of what sensors show, targets are
+/// Tokens and targets of every frame of a recording, not normalised, in the given form. Tokens come from sensor readings; targets are
 /// how the robot truly moves.
 pub fn tokens(system: &Arc<System>, recording: &Recording, history: usize, form: impl Into<Form>) -> Windows {
     let form = form.into();

@@ -54,7 +54,7 @@ pub fn bar_from(what: &str, done: u64, total: u64) -> Bar {
 }
 
 impl Bar {
-    /// `done` units are done, with those of before.
+    /// Sets the count of finished units to `done`, including units of earlier runs.
     pub fn set(&self, done: u64) {
         self.bar.set_position(done);
         self.print();

@@ -27,7 +27,7 @@ pub struct Provenance {
 impl Provenance {
     /// Of this process.
     pub fn now(seed: u64) -> Self {
-        let args = std::env::args().skip(1).map(without_folders).collect::<Vec<_>>().join(" ");
+        let args = std::env::args_os().skip(1).map(|word| without_folders(word.to_string_lossy().into())).collect::<Vec<_>>().join(" ");
         // Those of Python have the module's name.
         let program = if args.contains("-m nerd ") { "python" } else { "cargo xtask" };
         let (commit, command, date) = (COMMIT.clone(), format!("{program} {args}"), Utc::now().date_naive().to_string());

@@ -4,7 +4,7 @@
 use std::fs::{File, OpenOptions};
 use std::io::Write;
 
-use nerd_sim::files::{Claim, claim};
+use nerd_sim::files::{Claim, claim, has_keys, unclaimed};
 
 use crate::prelude::*;
 use crate::provenance::{Provenance, machine};
@@ -12,6 +12,25 @@ use crate::provenance::{Provenance, machine};
 /// A folder that this process alone writes.
 pub fn claimed(folder: &Path) -> Result<Claim> {
     claim(folder).map_err(|e| Error::Refused(format!("--out: {e}")))
+}
+
+/// What a run writes into its folder.
+const OWN: [&str; 7] = ["run.json", "metrics.jsonl", "sessions.jsonl", "last.safetensors", "best.safetensors", "model", "policy"];
+
+/// Refuses a folder that is no run and has something of a run's names.
+pub fn ours(folder: &Path) -> Result<()> {
+    let checkpoint = |name: &str| Tensors::open(&folder.join(name)).is_ok_and(|file| file.word("config").is_ok());
+    let keys: [(&str, &[&str]); 4] = [
+        ("run.json", &["robot_sha256", "learner"]),
+        ("run.json", &["run", "seed", "settings"]),
+        ("model/config.json", &["model_sha256", "network"]),
+        ("policy/config.json", &["ppo", "shape"]),
+    ];
+    let known = || {
+        keys.iter().any(|(name, keys)| has_keys(&folder.join(name), keys))
+            || ["last.safetensors", "best.safetensors"].map(checkpoint).contains(&true)
+    };
+    unclaimed(folder, &OWN, known).map_err(|e| Error::Refused(format!("--out: {e}")))
 }
 
 /// An open record.
@@ -27,7 +46,7 @@ impl Record {
     pub fn metrics(folder: &Path, step: u64) -> Result<Self> {
         let path = folder.join("metrics.jsonl");
         if path.exists() {
-            let text = nerd_sim::files::read_text(&path).map_err(Error::file(&path))?;
+            let text = nerd_sim::files::read_record(&path).map_err(Error::file(&path))?;
             let of = |line: &str| serde_json::from_str::<serde_json::Value>(line).ok()?.get("step")?.as_u64();
             let kept: String = text.lines().filter(|l| of(l).is_some_and(|s| s <= step)).flat_map(|l| [l, "\n"]).collect();
             nerd_sim::files::write(&path, kept.as_bytes()).map_err(Error::file(&path))?;
@@ -82,7 +101,7 @@ impl Session {
     /// The sessions of the run in `out`. A line that was cut short by a killed process is left out, with a line that says so.
     pub fn all(out: &Path) -> Result<Vec<Self>> {
         let path = sessions(out);
-        let text = nerd_sim::files::read_text(&path).map_err(Error::file(&path))?;
+        let text = nerd_sim::files::read_record(&path).map_err(Error::file(&path))?;
         let mut all = Vec::new();
         for (number, line) in text.lines().enumerate().filter(|(_, line)| !line.is_empty()) {
             match serde_json::from_str(line) {

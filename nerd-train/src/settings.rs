@@ -40,7 +40,7 @@ pub enum Values {
     Flag,
     /// A text: a name, a path.
     Text,
-    /// Texts; on a command line with commas between.
+    /// Texts; on a command line with commas between, see [`listed`], or the option several times.
     Texts,
     /// One of some words.
     Words(&'static [&'static str]),
@@ -50,8 +50,8 @@ pub enum Values {
     Wholes(RangeInclusive<u64>),
     /// A number within a range.
     Number(RangeInclusive<f64>),
-    /// A finite number above 0.
-    Positive,
+    /// A number above 0, up to this.
+    Positive(f64),
 }
 
 impl Values {
@@ -60,10 +60,10 @@ impl Values {
         let value = match self {
             Self::Flag => text.parse().map_or(Value::Null, Value::Bool),
             Self::Text | Self::Words(_) => text.into(),
-            Self::Texts => text.split(',').collect(),
+            Self::Texts => listed(text).into(),
             Self::Whole(_) => text.parse::<u64>().map_or(Value::Null, Value::from),
             Self::Wholes(_) => text.split(',').map(|part| part.parse::<u64>().map_or(Value::Null, Value::from)).collect(),
-            Self::Number(_) | Self::Positive => text.parse::<f64>().map_or(Value::Null, Value::from),
+            Self::Number(_) | Self::Positive(_) => text.parse::<f64>().map_or(Value::Null, Value::from),
         };
         self.check(&value).map(|()| value)
     }
@@ -91,10 +91,26 @@ impl Values {
                 let needed = format!("a {}number{within} is needed", if within.is_empty() { "finite " } else { "" });
                 (value.as_f64().is_some_and(|x| range.contains(&x)), needed)
             }
-            Self::Positive => (value.as_f64().is_some_and(|x| x > 0.0), "a finite number above 0 is needed".into()),
+            Self::Positive(most) => {
+                let needed = format!("a number above 0, up to {most}, is needed");
+                (value.as_f64().is_some_and(|x| x > 0.0 && x <= *most), needed)
+            }
         };
         if good { Ok(()) } else { Err(needed) }
     }
+}
+
+/// Texts between commas. What is a file or a folder with commas in its name is one of them.
+pub fn listed(text: &str) -> Vec<String> {
+    let parts: Vec<&str> = text.split(',').collect();
+    let (mut found, mut from) = (Vec::new(), 0);
+    while from < parts.len() {
+        let there = |to: &usize| std::path::Path::new(&parts[from..*to].join(",")).exists();
+        let to = (from + 2..=parts.len()).rev().find(there).unwrap_or(from + 1);
+        found.push(parts[from..to].join(","));
+        from = to;
+    }
+    found
 }
 
 /// A struct of settings; `settings!` makes it.

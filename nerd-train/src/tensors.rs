@@ -81,7 +81,7 @@ impl Tensors {
         serde_json::from_str(self.word(name)?).map_err(|e| self.wrong(format!("`{name}`: {e}")))
     }
 
-    /// Numbers of this kind, so many of them if a length is given.
+    /// Reads numbers of this kind; checks their count against `length` if given.
     fn numbers<const N: usize, T>(&self, name: &str, kind: Dtype, length: Option<usize>, read: fn([u8; N]) -> T) -> Result<Vec<T>> {
         let (dtype, shape, bytes) = self.parts.get(name).ok_or_else(|| self.wrong(format!("no `{name}`")))?;
         if *dtype != kind || length.is_some_and(|n| n != shape.iter().product::<usize>()) {

@@ -10,6 +10,7 @@ use crate::prelude::*;
 use crate::progress::{Bar, bar_from};
 use crate::records::Record;
 use crate::schedule::Schedule;
+use crate::stop::heed;
 use crate::supply::Supply;
 
 /// Length of a run and how often it does what. An interval of 0 means "only at the end".
@@ -72,7 +73,8 @@ pub struct Trainer {
     batch: usize,
     folder: PathBuf,
     run: String,
-    /// Stops, with a full checkpoint, at the first update that ends so long after [`Trainer::run`] was called.
+    /// Stops, with a full checkpoint, at the first update that ends so long after [`Trainer::run`] was called, as it does once the process is
+    /// asked to ([`crate::stop`]).
     pub stop_at: Option<Duration>,
 }
 
@@ -101,10 +103,11 @@ impl Trainer {
         c.check().map_err(Error::Refused)?;
         let (mut step, mut over) = (learner.state()?.step, false);
         let mut lead = self.lead(step)?;
+        let (_heed, stop) = (heed(), Stop(self.stop_at.and_then(|wall| started.checked_add(wall))));
         while step < c.updates && !over {
             let lr = self.update(learner, &mut fresh, step)?;
             step += 1;
-            over = self.stop_at.is_some_and(|wall| started.elapsed() >= wall);
+            over = stop.due();
             if over || due(step, c.log_every, c.updates) {
                 lead.log(step, learner.progress()?, lr, self.batch)?;
             }
@@ -184,7 +187,7 @@ impl Lead {
 
 /// Step and loss of the validations on record in a run's folder.
 fn validations(folder: &Path) -> Vec<(u64, f32)> {
-    let text = nerd_sim::files::read_text(&folder.join("metrics.jsonl")).unwrap_or_default();
+    let text = nerd_sim::files::read_record(&folder.join("metrics.jsonl")).unwrap_or_default();
     let lines = text.lines().filter_map(|line| serde_json::from_str::<serde_json::Value>(line).ok());
     let validation =
         |line: serde_json::Value| Some((line["step"].as_u64()?, line["loss"].as_f64()? as f32)).filter(|_| line["kind"] == "validation");

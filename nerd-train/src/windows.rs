@@ -53,7 +53,7 @@ impl Windows {
         Ok(())
     }
 
-    /// Refuses fresh trajectories that cannot replace those from number `first` on, of so many of this shape.
+    /// Refuses fresh trajectories that cannot replace those from number `first` on, out of `trajectories` of this shape.
     pub(crate) fn fits(&self, first: usize, fresh: &Windows, trajectories: usize) -> Result<(), String> {
         let (last, own, other) = (first + fresh.trajectories(), self.shape(), fresh.shape());
         if other == own && last <= trajectories {

@@ -8,7 +8,7 @@ const GROUPS: [(&str, &[&str]); 5] = [
     ("Learn", &["train", "calibrate"]),
     ("Measure", &["rollout", "live", "evaluate", "chart", "stability", "measure", "reproduce"]),
     ("Policies", &["policy"]),
-    ("Project", &["list", "results", "report", "check"]),
+    ("Project", &["list", "results", "report", "campaign", "check"]),
 ];
 
 /// Options that are folders wherever they do not say that they are files.

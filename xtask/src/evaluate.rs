@@ -12,7 +12,7 @@ use crate::solvers::{SolverArgs, SolverName};
 pub struct EvaluateArgs {
     /// Robots, comma-separated: cartpole, pendulum, cube, franka, ant, anymal, each as NAME-paper too, or the path of a .urdf or MJCF (.xml); a log names
     /// its own
-    #[arg(long, value_delimiter = ',', required_unless_present = "data", conflicts_with = "data")]
+    #[arg(long, required_unless_present = "data", conflicts_with = "data")]
     pub robot: Vec<String>,
     #[command(flatten)]
     pub keys: Keys<Protocol>,
@@ -31,20 +31,22 @@ pub struct EvaluateArgs {
 
 pub fn run(args: EvaluateArgs) -> Result<()> {
     let asked = args.keys.settings()?;
+    let robots: Vec<String> = args.robot.iter().flat_map(|robots| listed(robots)).collect();
     let folder = args.out.or_else(|| args.name.as_ref().map(|_| results()));
     let name = args.name.unwrap_or_else(|| "passive".into());
-    if args.robot.is_empty() {
+    if robots.is_empty() {
         return recorded(&args.solver, args.replay, &asked, &name, folder);
     }
     let case = |robot: &String| -> Result<Case> {
         let solver = args.solver.choose(&*System::named(robot)?)?;
         Ok(Case { robot: robot.clone(), solver, truth: args.solver.truth, asked: asked.clone() })
     };
-    let cases = args.robot.iter().map(case).collect::<Result<Vec<_>>>()?;
+    let cases = robots.iter().map(case).collect::<Result<Vec<_>>>()?;
     let replay = args.replay.map(|file| -> Result<_> {
         let [Case { robot, solver: Choice::Neural { folder, .. }, .. }] = &cases[..] else {
             bail!("--replay shows a model of one robot beside its truth: --solver neural is needed")
         };
+        out::page(&file)?;
         let system = System::named(robot)?;
         let scene = asked.scene.first().map_or_else(|| system.usual_scenes()[0], String::as_str);
         Ok((file, motions::passive(robot, scene, folder, asked.frames.unwrap_or(300), asked.seed)?))

@@ -1,5 +1,6 @@
 //! `cargo xtask VERB`: one file per verb. Bad input ends with one line and exit code 2, and leaves no file behind.
 
+use std::error::Error;
 use std::ffi::OsString;
 
 use anyhow::Result;
@@ -15,6 +16,7 @@ macro_rules! say {
     ($($text:tt)*) => { $crate::out::line(format_args!($($text)*)) };
 }
 
+mod campaign;
 mod check;
 mod commands;
 mod dataset;
@@ -32,6 +34,7 @@ mod report;
 mod reproduce;
 mod results;
 mod rollout;
+mod signals;
 mod solvers;
 mod stability;
 mod train;
@@ -71,6 +74,8 @@ enum Verb {
     Urdf(urdf::UrdfArgs),
     /// Serve a page on this machine: a robot that steps in real time, to be pushed and given another solver
     Live(live::LiveArgs),
+    /// Change files of every kind at random and read them: each is refused or used, without a panic
+    Campaign(campaign::CampaignArgs),
     /// List robots, scenes, tasks, models, rows
     List(list::ListArgs),
     /// Format, clippy, circles of imports, docs, tests
@@ -83,6 +88,12 @@ fn program() -> Command {
 
 fn parse(words: impl IntoIterator<Item = OsString>) -> Result<Verb, clap::Error> {
     let mut program = program();
+    let words: Vec<OsString> = words.into_iter().collect();
+    // Results, checkpoints and pages name files as text.
+    if let Some(word) = words.iter().skip(1).find(|word| word.to_str().is_none()) {
+        let said = format!("`{}` is not UTF-8; rename the file or folder, or make a link to it with such a name", word.display());
+        return Err(program.error(ErrorKind::InvalidUtf8, said));
+    }
     let matches = program.try_get_matches_from_mut(words)?;
     if matches.get_flag("json") {
         out::json();
@@ -107,18 +118,32 @@ fn run(verb: Verb) -> Result<()> {
         Verb::Calibrate(args) => args.run(),
         Verb::Urdf(args) => urdf::run(args),
         Verb::Live(args) => live::run(args),
+        Verb::Campaign(args) => campaign::run(args),
         Verb::List(args) => list::run(args),
         Verb::Check => check::run(),
     }
 }
 
+/// Runs a verb on the threads that all work is spread over; where none can be had, on this one.
+fn spread(verb: Verb) -> Result<()> {
+    let pool = rayon::ThreadPoolBuilder::new;
+    // What is no failure of the system is a pool that is there.
+    let Some(e) = pool().build_global().err().filter(|e| e.source().is_some()) else { return run(verb) };
+    tell!("note: no threads can be started ({e}): all is done on one; allow more (ulimit -u), or ask for fewer (RAYON_NUM_THREADS)");
+    pool().num_threads(1).use_current_thread().build()?.install(|| run(verb))
+}
+
 /// Does what a command line says, whose first word is the program; the exit code.
 pub fn call(words: impl IntoIterator<Item = OsString>) -> u8 {
+    signals::heed();
     Provenance::begin();
     match parse(words) {
-        Ok(verb) => match run(verb).and_then(|()| out::finish()) {
-            Ok(()) => 0,
-            Err(error) => refusals::end(&refusals::failure(&error)),
+        Ok(verb) => match spread(verb).and_then(|()| out::finish()) {
+            Ok(()) => signals::ended(),
+            Err(error) => {
+                let code = refusals::end(&refusals::failure(&error));
+                nerd_train::stop::asked().map_or(code, signals::code)
+            }
         },
         // Who asks for help, or for nothing at all, sees the verbs.
         Err(error) if !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => error.exit(),

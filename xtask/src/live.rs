@@ -20,16 +20,17 @@ pub struct LiveArgs {
     #[arg(long, value_name = "FOLDER", conflicts_with_all = ["robot", "scene"])]
     pub policy: Option<PathBuf>,
     /// Folders of models to choose from, beside that in `models/ROBOT`
-    #[arg(long, value_name = "FOLDER", value_delimiter = ',')]
-    pub model: Vec<PathBuf>,
+    #[arg(long, value_name = "FOLDER")]
+    pub model: Vec<String>,
     /// Port of 127.0.0.1 [default: any that is free]
     #[arg(long, default_value = "0", hide_default_value = true, value_parser = value::<usize>(Whole(PORTS)))]
     pub port: usize,
 }
 
 pub fn run(args: LiveArgs) -> Result<()> {
-    let world = World::of(Menu::new(args.robot.as_deref(), args.scene.as_deref(), args.policy.as_deref(), &args.model)?)?;
-    for folder in args.model {
+    let models: Vec<PathBuf> = args.model.iter().flat_map(|models| listed(models)).map(PathBuf::from).collect();
+    let world = World::of(Menu::new(args.robot.as_deref(), args.scene.as_deref(), args.policy.as_deref(), &models)?)?;
+    for folder in models {
         Setting::Neural(folder).solver(&world.system)?;
     }
     let title = world.title.clone();

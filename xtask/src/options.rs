@@ -9,7 +9,7 @@ use nerd_train::settings::{Given, Key, Settings, Values};
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
-pub use nerd_train::bounds::{FRAMES, SEEDS, STARTS, SUBSTEPS, TRANSITIONS};
+pub use nerd_train::bounds::{FRAMES, MINUTES, SEEDS, STARTS, SUBSTEPS, TRANSITIONS};
 pub use nerd_train::settings::Values::{Positive, Whole};
 
 pub const DEVICES: &[&str] = &["cpu", "cuda"];
@@ -36,6 +36,7 @@ pub fn arguments(keys: Vec<&'static Key>, defaults: &Given) -> Vec<Arg> {
         match key.values {
             Values::Words(words) => arg.value_parser(PossibleValuesParser::new(words).map(Value::from)),
             Values::Flag => arg.action(ArgAction::Set).num_args(0).default_missing_value("true").value_parser(value::<Value>(values)),
+            Values::Texts => arg.value_parser(value::<Value>(values)).action(ArgAction::Append),
             _ => arg.value_parser(value::<Value>(values)),
         }
     };
@@ -46,8 +47,16 @@ pub fn arguments(keys: Vec<&'static Key>, defaults: &Given) -> Vec<Arg> {
 pub fn given(keys: Vec<&'static Key>, matches: &ArgMatches) -> Given {
     let one = |key: &Key| {
         let name = key.name();
-        let value = matches.get_one::<Value>(&name).filter(|_| matches.value_source(&name) == Some(ValueSource::CommandLine))?;
-        Some((name, value.clone()))
+        let all = matches.get_many::<Value>(&name).filter(|_| matches.value_source(&name) == Some(ValueSource::CommandLine))?;
+        // Of an option that is there several times the lists follow each other.
+        let join = |mut first: Value, next: Value| match (&mut first, next) {
+            (Value::Array(first), Value::Array(mut next)) => {
+                first.append(&mut next);
+                Value::Array(std::mem::take(first))
+            }
+            (_, next) => next,
+        };
+        Some((name, all.cloned().reduce(join)?))
     };
     keys.into_iter().filter_map(one).collect()
 }

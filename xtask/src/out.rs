@@ -8,6 +8,7 @@ use std::{fmt::Arguments, path::Path};
 use anyhow::{Result, bail};
 use nerd_lab::experiments::{self, Experiment};
 use nerd_lab::report::{Artifact, Table};
+use nerd_sim::files::replaceable;
 use nerd_train::replay::Replay;
 
 static LOST: OnceLock<String> = OnceLock::new();
@@ -49,6 +50,14 @@ pub fn conduct(experiment: &dyn Experiment, out: &Path) -> Result<Artifact> {
     let artifact = experiments::conduct(experiment, out)?;
     tables(&artifact.tables);
     Ok(artifact)
+}
+
+/// What all pages of this program have.
+const MARK: &str = "<meta name=\"generator\" content=\"NeRD in Rust\">";
+
+/// Refuses to replace a file that is no page of this program, before it is made.
+pub fn page(path: &Path) -> Result<()> {
+    Ok(replaceable(path, |bytes| bytes.windows(MARK.len()).take(1000).any(|at| at == MARK.as_bytes()))?)
 }
 
 pub fn replay(path: &Path, replay: &Replay) -> Result<()> {

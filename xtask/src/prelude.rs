@@ -7,4 +7,6 @@ pub(crate) use nerd_lab::{choice::Choice, error::unused};
 pub(crate) use nerd_sim::prelude::*;
 pub(crate) use nerd_train::{device::Device, shipped::results};
 
+pub(crate) use nerd_train::settings::listed;
+
 pub(crate) use crate::options::{Keys, Positive, Whole, value, word};

@@ -3,7 +3,7 @@
 use nerd_lab::page::{MOTIONS, page};
 use nerd_train::progress::bar;
 
-use crate::{options::FRAMES, prelude::*};
+use crate::{options::FRAMES, out, prelude::*};
 
 #[derive(clap::Args, Clone, Debug)]
 pub struct ReportArgs {
@@ -16,6 +16,7 @@ pub struct ReportArgs {
 }
 
 pub fn run(args: ReportArgs) -> Result<()> {
+    out::page(&args.out)?;
     let bar = bar("motions", MOTIONS as u64);
     page(args.frames, &results(), &args.out, &bar)?;
     bar.finish();

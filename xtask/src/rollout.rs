@@ -1,7 +1,10 @@
 //! `cargo xtask rollout --robot pendulum --scene ground3 --preset converged --states FILE.csv --frames 100 --out OUT.csv`. [`TABLES`] describes
 //! the files.
 
-use nerd_sim::rollout::States;
+use nerd_sim::{
+    files::replaceable,
+    rollout::{States, written},
+};
 use nerd_train::bounds::{memory, time};
 use nerd_train::progress::bar;
 
@@ -47,6 +50,7 @@ pub fn run(args: RolloutArgs) -> Result<()> {
     let system = System::named(&args.robot)?;
     let scene = system.scene(&args.scene)?;
     let choice = args.solver.choose(&system)?;
+    replaceable(&args.out, |table| written(table, &system)).map_err(|e| anyhow::anyhow!("--out: {e}"))?;
     if args.solver.solver != Some(SolverName::Neural) {
         unused(&[("--truth", args.solver.truth.is_some())], "without --solver neural, whose model learned it")?;
     }

@@ -11,7 +11,7 @@ pub struct UrdfArgs {
     /// Files, or folders to be searched for .urdf and MJCF (.xml)
     #[arg(required = true)]
     pub paths: Vec<PathBuf>,
-    /// Instead show how far accelerations are from those of MuJoCo, by a Python that has it
+    /// Instead compare masses, contact and accelerations with those of MuJoCo, by a Python that has it
     #[arg(long, value_name = "PYTHON")]
     pub mujoco: Option<PathBuf>,
     /// Folder to write the table into

@@ -1,11 +1,19 @@
-//! Slopes of the sweeps along the tree, from the leaves to the root.
+//! Gradients of the sweeps along the tree, from the leaves to the root.
 //!
-//! A motion of links is `X_i = X_p + S_i x_i`: a twist, an acceleration without velocities, a virtual motion. A gradient by it is a wrench, which
-//! the link above takes over. Where links are displaced by motions `D_i` about the common origin, an axis moves with its link,
-//! `dS_i = D_i x S_i`, and an inertia, `dI = D x* I - I D x`; a gradient by `D_i` is a load. A floating root's own numbers are in fixed axes, which do
-//! not turn with it, about its own origin, which they follow: so of its load the moment is its slope by a turn (world axes), and no more is.
+//! A motion of links is `X_i = X_p + S_i x_i`: a twist, an acceleration without velocities, a virtual motion. The gradient with respect to
+//! it is a wrench, which is added to the link above. Where links are displaced by motions `D_i` about the common origin, an axis moves with
+//! its link, `dS_i = D_i x S_i`, and so does an inertia, `dI = D x* I - I D x`. The gradient with respect to `D_i` is a load. A floating
+//! root's own coordinates are in fixed axes, which do not rotate with it, about its own origin, which they follow. So only the moment of
+//! its load is a gradient: the one with respect to its rotation (world axes).
 
 use crate::prelude::*;
+
+/// Wrench with which the damping of a free root at `x` resists a twist.
+#[inline]
+pub(super) fn drag(robot: &Robot, v: &Motion, x: &Vector3<f64>) -> Wrench {
+    let d = robot.free.damping;
+    Wrench::force_at(v.at(x) * d, x) + Wrench::new(v.ang * d, Vector3::zeros())
+}
 
 /// Motions `J_i x` of all links at rates `x` of the DoFs (length `nv`). Needs `kinematics`.
 #[inline]
@@ -19,7 +27,7 @@ pub fn motions(robot: &Robot, rates: &[f64], data: &Data, out: &mut [Motion]) {
     }
 }
 
-/// Adds what wrenches on links, about the common origin, do along each DoF: `J^T` of them. Each link's wrench becomes that of its subtree.
+/// Adds `J^T` times the wrenches on links (about the common origin) to `out`. Each link's wrench becomes the sum over its subtree.
 pub fn onto(robot: &Robot, data: &Data, wrenches: &mut [Wrench], out: &mut [f64]) {
     for (i, link) in robot.links.iter().enumerate().rev() {
         let wrench = wrenches[i];
@@ -33,7 +41,7 @@ pub fn onto(robot: &Robot, data: &Data, wrenches: &mut [Wrench], out: &mut [f64]
     }
 }
 
-/// [`motions`] back: adds gradients by its rates to `out`, and by the displacements of links to `loads`.
+/// Adjoint of [`motions`]: adds gradients with respect to the rates to `out`, and with respect to displacements of links to `loads`.
 pub fn motions_back(robot: &Robot, data: &Data, rates: &[f64], by: &mut [Wrench], loads: &mut [Wrench], out: &mut [f64]) {
     onto(robot, data, by, out);
     for (i, _) in robot.links.iter().enumerate().filter(|(_, link)| link.joint.is_some()) {
@@ -41,26 +49,32 @@ pub fn motions_back(robot: &Robot, data: &Data, rates: &[f64], by: &mut [Wrench]
     }
 }
 
-/// Working memory for slopes of inverse dynamics, `tau . virtual rates`, and of whatever else is made of the motions in it.
+/// Position and value of a link's gravity-compensated mass, if it has any.
+fn lifted(robot: &Robot, data: &Data, link: usize) -> Option<(Vector3<f64>, f64)> {
+    let own = &robot.links[link].lifted;
+    (own.mass != 0.0).then(|| (data.position[link] + data.rotation[link] * own.at, own.mass))
+}
+
+/// Working memory for gradients of inverse dynamics, `tau . virtual rates`, and of other functions of the same motions.
 #[derive(Clone, Debug)]
 pub struct Adjoint {
     /// Motions of links at the virtual rates.
     pub virtuals: Vec<Motion>,
-    /// What `qdd` does to accelerations of links.
+    /// Accelerations of links caused by `qdd`.
     pub quickened: Vec<Motion>,
-    /// Gradients by `virtuals`.
+    /// Gradients with respect to `virtuals`.
     pub by_virtual: Vec<Wrench>,
-    /// By `quickened`.
+    /// With respect to `quickened`.
     pub by_quickened: Vec<Wrench>,
-    /// By twists, `data.velocity`.
+    /// With respect to twists, `data.velocity`.
     pub by_velocity: Vec<Wrench>,
-    /// By accelerations at zero `qdd`, `data.acceleration` of `bias`.
+    /// With respect to accelerations at zero `qdd`, `data.acceleration` of `bias`.
     pub by_acceleration: Vec<Wrench>,
     unused: Vec<f64>,
 }
 
 impl Adjoint {
-    /// Room for those of a robot.
+    /// Working memory for a robot.
     pub fn new(robot: &Robot) -> Self {
         let n = robot.links.len();
         let (motions, wrenches) = (vec![Motion::default(); n], vec![Wrench::default(); n]);
@@ -75,11 +89,18 @@ impl Adjoint {
         }
     }
 
-    /// Begins with `-virtual . RNEA(q, qd, qdd)` and adds its gradients by displacements to `loads`. Needs `inertias` and [`super::bias`] at the
-    /// twists' rates. Wrenches from outside and armatures are the caller's.
+    /// Begins with `-virtual . RNEA(q, qd, qdd)` and adds its gradients with respect to displacements to `loads`. Needs `inertias`, and
+    /// [`super::bias`] at the twists' rates under `gravity`. External wrenches and armatures are the caller's.
     ///
     /// With `F = I a + v x* I v` of a link, L its virtual motion and `Y = v x L`, `-L . F = Y . I v - L . I a`.
-    pub fn begin(&mut self, robot: &Robot, data: &Data, virtual_rates: &[f64], qdd: &[f64], loads: &mut [Wrench]) {
+    pub fn begin(
+        &mut self,
+        robot: &Robot,
+        data: &Data,
+        (virtual_rates, qdd): (&[f64], &[f64]),
+        gravity: &Vector3<f64>,
+        loads: &mut [Wrench],
+    ) {
         motions(robot, virtual_rates, data, &mut self.virtuals);
         motions(robot, qdd, data, &mut self.quickened);
         for (i, load) in loads.iter_mut().enumerate() {
@@ -91,11 +112,24 @@ impl Adjoint {
             self.by_acceleration[i] = of_l * -1.0;
             self.by_velocity[i] = l.cross_wrench(&of_v) + of_y;
             *load += l.cross_wrench(&of_a) + a.cross_wrench(&of_l) - y.cross_wrench(&of_v) - v.cross_wrench(&of_y);
+            if let Some((x, mass)) = lifted(robot, data, i) {
+                // The position moves with the link; the weight does not rotate.
+                let weight = gravity * mass;
+                self.by_virtual[i] = self.by_virtual[i] - Wrench::force_at(weight, &x);
+                *load += Wrench::force_at(l.ang.cross(&weight), &x);
+            }
+        }
+        if robot.free.damping != 0.0 {
+            let (v, l, x) = (&data.velocity[0], &self.virtuals[0], &data.position[0]);
+            self.by_virtual[0] = self.by_virtual[0] - drag(robot, v, x);
+            self.by_velocity[0] = self.by_velocity[0] - drag(robot, l, x);
+            // Its place moves where the origin is elsewhere.
+            loads[0] = loads[0] - Wrench::force_at((v.at(x).cross(&l.ang) + l.at(x).cross(&v.ang)) * robot.free.damping, x);
         }
     }
 
-    /// Ends: adds the gradients by the twists' rates `qd` to `out`, and by displacements to `loads`. Returns that by the acceleration of the base,
-    /// which is `-gravity`.
+    /// Ends: adds the gradients with respect to the twists' rates `qd` to `out`, and with respect to displacements to `loads`. Returns the
+    /// gradient with respect to the acceleration of the base, which is `-gravity`.
     pub fn end(
         &mut self,
         robot: &Robot,
@@ -106,7 +140,8 @@ impl Adjoint {
     ) -> Vector3<f64> {
         motions_back(robot, data, virtual_rates, &mut self.by_virtual, loads, &mut self.unused);
         motions_back(robot, data, qdd, &mut self.by_quickened, loads, &mut self.unused);
-        let mut base = Vector3::zeros();
+        let lift = (0..robot.links.len()).filter_map(|i| lifted(robot, data, i).map(|(x, mass)| self.virtuals[i].at(&x) * mass));
+        let mut base: Vector3<f64> = lift.sum();
         // A_i = A_p + V_i x S_i qd_i
         for (i, link) in robot.links.iter().enumerate().rev() {
             let by = self.by_acceleration[i];
@@ -126,8 +161,9 @@ impl Adjoint {
         base
     }
 
-    /// Adds to `loads` what displacements do to `scale` times the kinetic energy twice, `x^T M x`, at the rates of `self.virtuals`; the caller adds that of
-    /// what else the motions do by `by_virtual`, which this begins, and ends with [`Self::end_energy`].
+    /// Adds to `loads` the gradient of `scale` times twice the kinetic energy, `x^T M x`, with respect to displacements, at the rates of
+    /// `self.virtuals`. It begins `by_virtual`, to which the caller adds the gradients of other functions of the motions, and ends with
+    /// [`Self::end_energy`].
     pub fn begin_energy(&mut self, robot: &Robot, data: &Data, rates: &[f64], scale: f64, loads: &mut [Wrench]) {
         motions(robot, rates, data, &mut self.virtuals);
         for (i, load) in loads.iter_mut().enumerate() {

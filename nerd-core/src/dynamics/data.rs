@@ -5,8 +5,8 @@ use nalgebra::{DMatrix, DVector};
 use super::tree::Inverse;
 use crate::prelude::*;
 
-/// Working memory for one robot, made once. Its methods are correct for the coordinates that they are given, whatever was called before;
-/// what they lend is overwritten by the next call, and where they lend they do not allocate:
+/// Working memory for one robot, made once. Its methods are correct for the coordinates they are given, whatever was called before.
+/// References they return are overwritten by the next call; methods that return references do not allocate:
 ///
 /// ```
 /// # use nerd_core::{nalgebra::Vector3, prelude::*};

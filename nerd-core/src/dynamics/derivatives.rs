@@ -8,14 +8,14 @@ use crate::{prelude::*, spatial::blocks};
 
 /// Derivatives of a vector of `nv` numbers, each `nv` by `nv`.
 ///
-/// A column of `q` is the derivative along the tangent that has the rate's own numbers: a floating root turned about a world axis
-/// (rad), moved along one (m), then the joints. What is held fixed are the numbers of `qd` and of `qdd` or `tau` in the local form (see
+/// A column of `q` is the derivative along a tangent with the layout of a rate: rotation of a floating root about a world axis (rad), its
+/// translation along one (m), then the joints. Held constant are the numbers of `qd`, and of `qdd` or `tau`, in the local form (see
 /// [`super::to_local`]).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Derivatives {
-    /// By the coordinates.
+    /// With respect to the coordinates.
     pub q: DMatrix<f64>,
-    /// By the rates.
+    /// With respect to the rates.
     pub qd: DMatrix<f64>,
 }
 
@@ -29,14 +29,14 @@ struct Column {
 }
 
 impl Derivatives {
-    /// Room for those of `robot`.
+    /// Derivatives of zeros for `robot`.
     pub fn new(robot: &Robot) -> Self {
         let nv = robot.nv();
         Self { q: DMatrix::zeros(nv, nv), qd: DMatrix::zeros(nv, nv) }
     }
 
-    /// Of inverse dynamics: `tau` by q and qd, at fixed `qdd`. Needs `kinematics`; fills `data.tau` and `data.mass`. External
-    /// wrenches are held as they are.
+    /// Derivatives of inverse dynamics: `tau` with respect to q and qd, at fixed `qdd`. Needs `kinematics`; fills `data.tau` and
+    /// `data.mass`. External wrenches are held constant.
     ///
     /// With the twists `v`, accelerations `a` (gravity included), forces f and composite inertias `I`, `B` of subtrees,
     /// `B = 1/2 (v x* I - I v x + (I v) x*)`, and `S' = v_p x S`, `S'' = a_p x S + v_p x S'`:
@@ -47,27 +47,39 @@ impl Derivatives {
     /// d tau_i / d qd_j = S_i . 2 (B S_j + I S_j')                   B and I of the lower one
     /// ```
     ///
-    /// Nothing of a robot knows where its root is, and turning a floating one is turning what moves it the other way.
+    /// The gravity-compensated mass of a link feels `a` without gravity: its share of I sees `S'' + g x S` in place of `S''`. A free root's
+    /// damping adds its matrix to the root's `d tau / d qd`.
+    ///
+    /// Nothing in a robot depends on the root's position. Rotating a floating root equals rotating rates, accelerations and gravity the
+    /// other way.
     pub fn inverse(&mut self, robot: &Robot, qd: &[f64], qdd: &[f64], gravity: &Vector3<f64>, data: &mut Data) {
         crba(robot, data);
         rnea(robot, qd, qdd, gravity, data);
         let external = std::mem::take(&mut data.external);
         let n = robot.links.len();
         let base = Motion::new(Vector3::zeros(), -gravity);
+        let rise = Motion::new(Vector3::zeros(), *gravity);
         // Composites from the leaves to the root.
         let mut inertia: Vec<Matrix6<f64>> = data.inertia.iter().map(SpatialInertia::matrix).collect();
+        let point = |i: usize| {
+            let PointMass { mass, at } = robot.links[i].lifted;
+            SpatialInertia::of(&BodyInertia { mass, com: at, inertia: Matrix3::zeros() }, &data.rotation[i], &data.position[i]).matrix()
+        };
+        let mut lifted: Vec<Matrix6<f64>> = (0..n).map(point).collect();
         let mut b: Vec<Matrix6<f64>> = (0..n).map(|i| b_matrix(&data.inertia[i], &inertia[i], &data.velocity[i])).collect();
         let mut force: Vec<Wrench> = (0..n)
             .map(|i| {
                 let (own, v) = (&data.inertia[i], &data.velocity[i]);
-                own.apply(&data.acceleration[i]) + v.cross_wrench(&own.apply(v))
+                let weight = Wrench::from_slice((lifted[i] * rise.vector()).as_slice());
+                own.apply(&data.acceleration[i]) + v.cross_wrench(&own.apply(v)) + weight
             })
             .collect();
         let mut pushed = external.clone();
         for i in (0..n).rev() {
             if let Some(p) = robot.links[i].parent {
-                let (own, ob, of, oe) = (inertia[i], b[i], force[i], pushed[i]);
+                let (own, ol, ob, of, oe) = (inertia[i], lifted[i], b[i], force[i], pushed[i]);
                 inertia[p] += own;
+                lifted[p] += ol;
                 b[p] += ob;
                 force[p] += of;
                 pushed[p] += oe;
@@ -86,7 +98,7 @@ impl Derivatives {
         };
         let first = usize::from(robot.floating());
         let roots: Vec<Column> = if robot.floating() { (0..6).map(root).collect() } else { Vec::new() };
-        // A floating root has six in place of one.
+        // A floating root has six columns, a joint one.
         let lead = roots.len() - first;
         let columns: Vec<Column> = roots.into_iter().chain((first..n).map(column)).collect();
         self.q.fill(0.0);
@@ -94,16 +106,21 @@ impl Derivatives {
         for low in &columns {
             let (i, own) = (low.link, low.axis.vector());
             let (down, turned) = (inertia[i] * own, b[i].transpose() * own * 2.0);
-            let below = b[i] * low.first.vector() * 2.0 + inertia[i] * low.second.vector() + low.axis.cross_wrench(&force[i]).vector();
+            let below = b[i] * low.first.vector() * 2.0
+                + inertia[i] * low.second.vector()
+                + lifted[i] * rise.cross(&low.axis).vector()
+                + low.axis.cross_wrench(&force[i]).vector();
+            let raised = lifted[i] * own;
             let rate = (b[i] * own + inertia[i] * low.first.vector()) * 2.0;
-            // Every column that carries this one, itself among them.
+            // Every column of a joint that carries this one, itself included.
             let above = std::iter::successors(Some(i), |link| robot.links[*link].parent);
             for up in
                 above.flat_map(|link| if robot.links[link].joint.is_some() { &columns[link + lead..=link + lead] } else { &columns[..6] })
             {
                 let (si, sj) = (low.dof, up.dof);
                 self.q[(si, sj)] +=
-                    turned.dot(&up.first.vector()) + down.dot(&up.second.vector()) - up.axis.cross(&low.axis).dot(&pushed[i]);
+                    turned.dot(&up.first.vector()) + down.dot(&up.second.vector()) + raised.dot(&rise.cross(&up.axis).vector())
+                        - up.axis.cross(&low.axis).dot(&pushed[i]);
                 self.qd[(si, sj)] += turned.dot(&up.axis.vector()) + 2.0 * down.dot(&up.first.vector());
                 if up.link != i {
                     self.q[(sj, si)] += up.axis.vector().dot(&below);
@@ -113,11 +130,16 @@ impl Derivatives {
         }
         if robot.floating() {
             self.turn_root(qd, qdd, gravity, &force[0], &pushed, &columns, data);
+            for (k, c) in (0..3).flat_map(|k| columns.iter().map(move |c| (k, c))) {
+                let turned = Motion::new(Vector3::zeros(), Vector3::ith(k, 1.0).cross(gravity));
+                self.q[(c.dof, k)] -= c.axis.vector().dot(&(lifted[c.link] * turned.vector()));
+            }
+            (0..6).for_each(|k| self.qd[(k, k)] += robot.free.damping);
         }
         data.external = external;
     }
 
-    /// Columns of a floating root: turning it is turning rates, accelerations and gravity the other way, and the root's wrench back.
+    /// Columns of a floating root: rotating it equals rotating rates, accelerations and gravity the other way, and the root's wrench back.
     #[allow(clippy::too_many_arguments)]
     fn turn_root(
         &mut self,
@@ -155,9 +177,9 @@ impl Derivatives {
         }
     }
 
-    /// Of forward dynamics: `qdd` by q and qd, at fixed `tau`: `-M^-1` times those of inverse dynamics at that acceleration. Needs
-    /// `kinematics` and the accelerations `qdd` for which they are wanted, for example `aba`'s; `qdd` by `tau` is
-    /// `M^-1`. `false` if the mass matrix is not positive definite; then nothing is written.
+    /// Derivatives of forward dynamics: `qdd` with respect to q and qd, at fixed `tau`, as `-M^-1` times the derivatives of inverse
+    /// dynamics at `qdd`. Needs `kinematics` and the accelerations `qdd`, for example `aba`'s; `d qdd / d tau` is `M^-1`. `false` if the
+    /// mass matrix is not positive definite; then nothing is written.
     #[must_use = "without a mass matrix there are none"]
     pub fn forward(
         &mut self,

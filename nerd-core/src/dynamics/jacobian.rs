@@ -9,9 +9,9 @@ use crate::{prelude::*, velocity::root_position};
 /// The axes in which a Jacobian gives velocities of a frame's origin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Axes {
-    /// Those of the world (Pinocchio's `LOCAL_WORLD_ALIGNED`).
+    /// The world's axes (Pinocchio's `LOCAL_WORLD_ALIGNED`).
     World,
-    /// The frame's own (Pinocchio's `LOCAL`).
+    /// The frame's own axes (Pinocchio's `LOCAL`).
     Local,
 }
 
@@ -45,10 +45,10 @@ impl Data {
         &self.jacobian
     }
 
-    /// Its rate while the robot moves at `qd`: the rates of those velocities are `J qdd + J_dot qd`.
+    /// Time derivative of that Jacobian while the robot moves at `qd`: the frame's acceleration is `J qdd + J_dot qd`.
     ///
-    /// An axis moves with the link that carries it, `S_dot = V x S`, and the place with its own velocity: of a column `(w, v + w x x)` the
-    /// rate is `(w_dot, v_dot + w_dot x x + w x x_dot)`. Those of a floating root turn about its origin, which moves.
+    /// An axis moves with the link that carries it, `S_dot = V x S`, and the frame's origin with its own velocity. The rate of a column
+    /// `(w, v + w x x)` is `(w_dot, v_dot + w_dot x x + w x x_dot)`. The axes of a floating root rotate about its origin, which moves.
     pub fn jacobian_rate(
         &mut self,
         robot: &Robot,
@@ -91,10 +91,10 @@ impl Data {
         &self.rate
     }
 
-    /// Centre of mass in the world (m), and its Jacobian, 3 by `nv`: its velocity (m/s, world axes) is `J qd`. Of a robot without mass
-    /// both are NaN.
+    /// Centre of mass in the world (m), and its Jacobian, 3 by `nv`: its velocity (m/s, world axes) is `J qd`. Both are NaN for a robot
+    /// without mass.
     ///
-    /// Column of DoF k: `m_k / m` times the velocity that its axis gives to the centre of mass of what it carries, of mass `m_k`.
+    /// Column of DoF k: `m_k / m` times the velocity that its axis gives to the centre of mass of the subtree it moves, of mass `m_k`.
     pub fn com_jacobian(&mut self, robot: &Robot, q: &[f64]) -> (Vector3<f64>, DMatrix<f64>) {
         self.place(robot, q);
         let n = robot.links.len();
@@ -123,19 +123,19 @@ impl Data {
         (self.origin + moment / mass, out)
     }
 
-    /// From the world's axes into those of a frame, after kinematics.
+    /// Rotation from the world's axes into a frame's, after kinematics.
     fn back(&self, frame: &FixedFrame) -> Matrix3<f64> {
         let link = frame.link.map_or(Matrix3::identity(), |link| self.rotation[link]);
         (link * frame.pose.rotation.to_rotation_matrix().matrix()).transpose()
     }
 }
 
-/// A link and those that carry it, up to the root.
+/// A link and its ancestors, up to the root.
 fn above(robot: &Robot, link: usize) -> impl Iterator<Item = usize> {
     std::iter::successors(Some(link), |i| robot.links[*i].parent)
 }
 
-/// Adds to column k a motion, its linear part that at `x`.
+/// Adds a motion to column k, its linear part taken at `x`.
 fn add(out: &mut DMatrix<f64>, k: usize, motion: &Motion, x: &Vector3<f64>) {
     let v = motion.at(x);
     for r in 0..3 {
@@ -145,7 +145,7 @@ fn add(out: &mut DMatrix<f64>, k: usize, motion: &Motion, x: &Vector3<f64>) {
 }
 
 impl Robot {
-    /// Where a frame ([`Robot::frame`]) is in the world at coordinates `q`.
+    /// World pose of a frame ([`Robot::frame`]) at coordinates `q`.
     pub fn pose(&self, q: &[f64], frame: &FixedFrame) -> Isometry3<f64> {
         let carrier = match (frame.link, self.base) {
             (Some(link), _) => {
@@ -166,7 +166,7 @@ impl Robot {
         Motion::new(twist.ang, twist.at(&(position + rotation * frame.pose.translation.vector)))
     }
 
-    /// Rotation, place and twist of a link, from and about the root.
+    /// Rotation, position and twist of a link, from and about the root.
     fn carried(&self, q: &[f64], qd: Option<&[f64]>, link: usize) -> (Matrix3<f64>, Vector3<f64>, Motion) {
         let Some(joint) = &self.links[link].joint else {
             return (root_rotation(self, q), Vector3::zeros(), qd.map_or(Motion::default(), Motion::from_slice));
@@ -183,7 +183,7 @@ impl Robot {
         (rotation, position, qd.map_or(twist, |qd| twist + axis * qd[self.root_dofs() + coordinate]))
     }
 
-    /// The place, among the joints that move by themselves, of the one that carries a link.
+    /// The index, among the joints that move by themselves, of the joint that carries a link.
     fn coordinate(&self, link: usize) -> usize {
         let first = usize::from(self.floating());
         if !self.mimics() {

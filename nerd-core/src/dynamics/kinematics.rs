@@ -38,7 +38,7 @@ pub fn kinematics_about(robot: &Robot, q: &[f64], origin: &Vector3<f64>, data: &
     }
 }
 
-/// Rotation and place of a link from those of what it hangs on; the motion of its joint per unit of its coordinate's rate into `motion`.
+/// Rotation and position of a link from its parent's; writes the motion of its joint per unit rate of its coordinate to `motion`.
 #[inline(always)]
 pub(super) fn hung(
     joint: &Joint,
@@ -56,7 +56,7 @@ pub(super) fn hung(
             parent * (turn[0] + turn[1] * sin + turn[2] * cos)
         }
     };
-    // The axis is the same before and after turning about itself.
+    // Rotation about an axis leaves the axis as it is.
     let axis = rotation * joint.axis().into_inner();
     *motion = match joint.kind {
         JointKind::Prismatic => {

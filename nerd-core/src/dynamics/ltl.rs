@@ -6,21 +6,21 @@ use crate::robot::Robot;
 
 /// Lower-triangular factor of a mass matrix; made once, refilled at will.
 ///
-/// Factorisation `M = L^T L` that keeps the tree's zeros (Featherstone 2008, section 6.5): row i of L is nonzero only
-/// at i and its ancestors, so a chain costs what dense Cholesky does and a star of legs far less.
+/// Factorisation `M = L^T L` that keeps the tree's zeros (Featherstone 2008, section 6.5): row i of L is nonzero only at i and its
+/// ancestors. A chain costs as much as dense Cholesky, a star of legs far less.
 #[derive(Clone, Debug)]
 pub struct Factor {
-    /// Rows of L one after another, their diagonal inverted: a product is a quarter of the time of a division.
+    /// Rows of L one after another, their diagonal inverted: a multiplication takes a quarter of the time of a division.
     rows: Vec<f64>,
     /// DoF above each DoF, or `usize::MAX`.
     parent: Vec<usize>,
-    /// DoFs at the start each of which is above the next: their rows have no zeros, and are gone through without a look at `parent`.
+    /// Number of leading DoFs that form a chain: their rows have no zeros, so `parent` is not read for them.
     trunk: usize,
-    /// DoF at which the last matrix was found wanting.
+    /// DoF at which the last matrix was found not positive definite.
     lost: usize,
 }
 
-/// What is left on the diagonal below this share of what was there is rounding.
+/// A pivot below this share of the original diagonal entry is rounding.
 const ROUNDING: f64 = 1e-12;
 
 impl Factor {
@@ -29,7 +29,7 @@ impl Factor {
         let (dofs, first, nv) = (robot.root_dofs(), usize::from(robot.floating()), robot.nv());
         let above = |link: usize| if robot.links[link].joint.is_some() { dofs + link - first } else { dofs - 1 };
         let parent: Vec<usize> = if robot.mimics() {
-            // Joints that follow others couple branches of the tree: then no entry is known to be zero.
+            // Joints that follow others couple branches of the tree, so no entry is known to be zero.
             (0..nv).map(|k| k.wrapping_sub(1)).collect()
         } else {
             let root = (0..dofs).map(|k| k.wrapping_sub(1));
@@ -77,7 +77,7 @@ impl Factor {
                     target[j] -= by * row[j];
                     j = parent[j];
                 }
-                // None is left after a root: then the end is 0.
+                // No row is left after a root: then the end is 0.
                 let end = j.wrapping_add(1);
                 target[..end].iter_mut().zip(&row[..end]).for_each(|(t, r)| *t -= by * r);
                 i = parent[i];
@@ -91,14 +91,14 @@ impl Factor {
         self.fault_at(robot, None)
     }
 
-    /// The same, but at a DoF that something else found wanting.
+    /// The same, at a DoF that another solver found not positive definite.
     pub fn fault_at(&self, robot: &Robot, lost: Option<usize>) -> String {
         let joint = lost.unwrap_or(self.lost).checked_sub(robot.root_dofs()).and_then(|i| robot.joints().nth(i));
         let place = joint.map_or_else(|| format!("the free root `{}`", robot.links[0].name), |j| format!("joint `{}`", j.name));
         format!("the mass matrix is not positive definite at {place}: a link without inertia, or a state out of bounds")
     }
 
-    /// `x^T M^-1 x = |L^-T x|^2` of an x that is zero but for the DoF `last` and those above it. Leaves something else in x.
+    /// `x^T M^-1 x = |L^-T x|^2` for an x that is zero except at the DoF `last` and its ancestors. Overwrites x.
     pub fn ease(&self, last: usize, x: &mut [f64]) -> f64 {
         let (n, mut sum, mut i) = (self.parent.len(), 0.0, last);
         while i != usize::MAX {

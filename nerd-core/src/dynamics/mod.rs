@@ -1,12 +1,12 @@
 //! Forward kinematics and the three classical algorithms: RNEA (inverse dynamics), CRBA (mass matrix), ABA
 //! (forward dynamics), after Featherstone 2008, chapters 5 to 7; Jacobians and analytic derivatives.
 //!
-//! **One frame for all.** World axes, origin at the root (the floating base's position, or the fixed base). It is an inertial frame at the root's
-//! present position. Every spatial vector of the robot is expressed in it, so no transform between links is needed, and numbers stay small
-//! however far the robot is from the world's origin.
+//! **One frame for all.** World axes, origin at the root (the floating base's position, or the fixed base), as an inertial frame at the
+//! root's present position. Every spatial vector of the robot is expressed in it. So no transform between links is needed, and numbers stay
+//! small however far the robot is from the world's origin.
 //!
-//! [`Data`]'s methods are the interface. The stages behind it take velocities as slices in the local form ([`crate::velocity`]), need
-//! what their docs name to be called before, and allocate nothing. A floating root's first six accelerations are there spatial ones,
+//! [`Data`]'s methods are the interface. The stages behind it take velocities as slices in the local form ([`crate::velocity`]), need the
+//! calls that their docs name to be made before, and allocate nothing. There, a floating root's first six accelerations are spatial ones,
 //! `(w_dot, p_ddot - w x p_dot)`.
 
 mod adjoint;

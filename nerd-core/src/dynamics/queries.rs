@@ -1,14 +1,14 @@
 //! Queries of a robot at coordinates `q`: each is one call, correct whatever was called before.
 //!
-//! Accelerations are rates of a [`LocalVelocity`]'s numbers. The stages' own are spatial ones, whose linear part lacks `w x p_dot` of a
-//! floating root ([`super`]); they are turned into each other here.
+//! Accelerations are time derivatives of a [`LocalVelocity`]. The stages use spatial accelerations, whose linear part lacks `w x p_dot` of
+//! a floating root ([`super`]); this file converts between the two.
 
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 use super::{Data, Derivatives, Factor, aba, crba, kinematics, rnea};
 use crate::{robot::Robot, state::vector, velocity::LocalVelocity};
 
-/// No accelerations: something has no inertia.
+/// No accelerations exist: some link has no inertia.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct NoInertia(String);
@@ -26,7 +26,7 @@ impl Data {
         self.torques(robot, q, None, None, gravity)
     }
 
-    /// Torques `c(q, qd)` without acceleration: gravity's, and those of Coriolis and centrifugal forces.
+    /// Torques `c(q, qd)` at zero acceleration: gravity, Coriolis and centrifugal terms.
     pub fn bias(&mut self, robot: &Robot, q: &[f64], qd: &LocalVelocity<impl AsRef<[f64]>>, gravity: &Vector3<f64>) -> &DVector<f64> {
         self.torques(robot, q, Some(qd.0.as_ref()), None, gravity)
     }
@@ -46,7 +46,7 @@ impl Data {
     /// Accelerations for the torques `tau`.
     ///
     /// # Errors
-    /// If a link has no inertia to accelerate: which.
+    /// If a link has no inertia to accelerate; names it.
     pub fn forward_dynamics(
         &mut self,
         robot: &Robot,
@@ -64,7 +64,7 @@ impl Data {
         Ok(&self.qdd)
     }
 
-    /// Derivatives of [`Data::inverse_dynamics`] by `q` and `qd`, at fixed `qdd`; that by `qdd` is the mass matrix.
+    /// Derivatives of [`Data::inverse_dynamics`] with respect to `q` and `qd`, at fixed `qdd`; `d tau / d qdd` is the mass matrix.
     pub fn inverse_derivatives(
         &mut self,
         robot: &Robot,
@@ -87,7 +87,7 @@ impl Data {
         out
     }
 
-    /// Derivatives of [`Data::forward_dynamics`] by `q` and `qd`, at fixed `tau`; that by `tau` is the inverse of the mass matrix.
+    /// Derivatives of [`Data::forward_dynamics`] with respect to `q` and `qd`, at fixed `tau`; `d qdd / d tau` is the inverse mass matrix.
     pub fn forward_derivatives(
         &mut self,
         robot: &Robot,
@@ -115,14 +115,14 @@ impl Data {
         Ok(out)
     }
 
-    /// Kinematics at `q`. Lengths are a program's own, so others than the robot's are a fault of it.
+    /// Kinematics at `q`. Panics on a wrong length, which is a fault of the calling program.
     pub(super) fn place(&mut self, robot: &Robot, q: &[f64]) {
         assert!(q.len() >= robot.nq(), "q has {} numbers, robot `{}` has {} coordinates", q.len(), robot.name, robot.nq());
         assert!(self.tau.len() == robot.nv(), "this Data was made for another robot than `{}`", robot.name);
         kinematics(robot, q, self);
     }
 
-    /// Without a velocity or an acceleration: at zero.
+    /// A missing velocity or acceleration counts as zero.
     fn torques(&mut self, robot: &Robot, q: &[f64], qd: Option<&[f64]>, qdd: Option<&[f64]>, gravity: &Vector3<f64>) -> &DVector<f64> {
         self.place(robot, q);
         let mut spatial = std::mem::replace(&mut self.qdd, DVector::zeros(0));

@@ -1,5 +1,6 @@
 //! Inverse dynamics.
 
+use super::adjoint::drag;
 use super::motions;
 use crate::prelude::*;
 
@@ -14,10 +15,11 @@ pub fn bias(robot: &Robot, qd: &[f64], gravity: &Vector3<f64>, data: &mut Data) 
 ///
 /// Recursive Newton-Euler: `tau = M(q) qdd + c(q, qd) - J^T f_external`, with gravity as an upward acceleration of
 /// the base. `V_i = V_p + S_i qd_i`, `A_i = A_p + S_i qdd_i + V_i x S_i qd_i`, `tau_i = S_i . sum of F over the
-/// subtree`. The wrench `F_i = I_i A_i + V_i x* I_i V_i - f_i` of a link is taken in Newton's and Euler's words, force
-/// at the centre of mass c and moment in link axes, which spares turning its inertia into world axes:
+/// subtree`. The wrench `F_i = I_i A_i + V_i x* I_i V_i - f_i` of a link is computed in Newton-Euler form, force at the centre of mass c
+/// and moment in link axes, so that the inertia need not be rotated into world axes:
 /// `f = m (a + w_dot x c + w x (v + w x c))`, `n = R (I R^T w_dot + (R^T w) x I R^T w) + c x f`.
-/// A joint's armature adds `armature qdd`. Its damping and limits are the caller's: they are forces of the joint, not of the tree.
+/// The gravity-compensated mass of a link has no weight; a free root's damping resists. A joint's armature adds `armature qdd`. Its damping
+/// and limits are left to the caller: they are forces of the joint, not of the tree.
 #[inline]
 pub fn rnea(robot: &Robot, qd: &[f64], qdd: &[f64], gravity: &Vector3<f64>, data: &mut Data) {
     sweep::<true>(robot, qd, qdd, gravity, data);
@@ -35,7 +37,7 @@ pub fn velocities(robot: &Robot, qd: &[f64], data: &mut Data) {
 fn sweep<const ACCELERATED: bool>(robot: &Robot, qd: &[f64], qdd: &[f64], gravity: &Vector3<f64>, data: &mut Data) {
     let base = Motion::new(Vector3::zeros(), -gravity);
     let (links, n) = (&robot.links[..], robot.links.len());
-    // As long as the links, so that an index within them is within these.
+    // As long as the links, so that the compiler sees an index within the links as within these.
     let (dof, axis, rotation, position) = (&data.dof[..n], &data.axis[..n], &data.rotation[..n], &data.position[..n]);
     let (external, force) = (&data.external[..n], &mut data.force[..n]);
     let (velocity, acceleration) = (&mut data.velocity[..n], &mut data.acceleration[..n]);
@@ -57,8 +59,14 @@ fn sweep<const ACCELERATED: bool>(robot: &Robot, qd: &[f64], qdd: &[f64], gravit
         let (w, w_dot) = (r.tr_mul(&v.ang), r.tr_mul(&a.ang));
         let n = r * (body.inertia * w_dot + w.cross(&(body.inertia * w))) + c.cross(&f);
         force[i] = Wrench::new(n, f) - external[i];
+        if link.lifted.mass != 0.0 {
+            force[i] += Wrench::force_at(gravity * link.lifted.mass, &(position[i] + r * link.lifted.at));
+        }
+        if link.joint.is_none() && robot.free.damping != 0.0 {
+            force[i] += drag(robot, &v, &position[i]);
+        }
     }
-    // Joints that follow one add to its torque.
+    // Joints that follow a coordinate add to its torque.
     let tau = data.tau.as_mut_slice();
     tau.fill(0.0);
     for i in (0..n).rev() {

@@ -1,16 +1,16 @@
-//! Sweeps along the tree: the factor of the mass matrix filled, solved with, and spread; forward dynamics by it.
+//! Sweeps along the tree: factorise the mass matrix, solve with it, spread unit wrenches; forward dynamics by the factor.
 
 use nalgebra::{DVector, Matrix6, Vector6};
 
 use super::{Inverse, TreeFactor, bias, crba, inertias};
 use crate::prelude::*;
 
-/// Share of what was added up that rounding may leave of a zero.
+/// Rounding error of a sum that should be zero, as a share of the magnitudes added up.
 const ROUNDING: f64 = 1e-14;
 
 impl TreeFactor {
-    /// Factorises. Needs [`super::kinematics`] and [`super::inertias`]; `links` are the `K_i`, `joints` the e of the joints, in their order; empty:
-    /// none. `false` if the sum is not positive definite; then do not solve.
+    /// Factorises. Needs [`super::kinematics`] and [`super::inertias`]; `links` are the `K_i`, `joints` the e of the joints, in their
+    /// order; an empty slice means none. `false` if the sum is not positive definite; then do not solve.
     #[must_use]
     pub fn refill(&mut self, robot: &Robot, data: &Data, links: &[Matrix6<f64>], joints: &[f64]) -> bool {
         let (first, dofs) = (usize::from(robot.floating()), robot.root_dofs());
@@ -32,7 +32,7 @@ impl TreeFactor {
             }
             (self.gain[i], self.inverse[i]) = (gain, pivot.recip());
             if let Some(p) = robot.links[i].parent {
-                // Entry by entry, in place: matrices that come and go as values cost more than their sums.
+                // Entry by entry, in place: moving matrices as values costs more than summing them.
                 let (above, own) = self.articulated.split_at_mut(i);
                 for c in 0..6 {
                     let share = gain[c] * self.inverse[i];
@@ -78,8 +78,8 @@ impl TreeFactor {
         }
     }
 
-    /// Works out what wrenches and torques of one each do, for [`TreeFactor::eased`] and [`TreeFactor::ease`]: from the root outward,
-    /// `E_i = S S^T / D + (1 - S U^T / D) E_p (1 - U S^T / D)`.
+    /// Computes the responses to unit wrenches and torques, for [`TreeFactor::eased`] and [`TreeFactor::ease`], from the root outward: `E_i
+    /// = S S^T / D + (1 - S U^T / D) E_p (1 - U S^T / D)`.
     pub fn spread(&mut self, robot: &Robot, data: &Data) {
         let first = usize::from(robot.floating());
         if let Some(root) = &self.root {

@@ -12,6 +12,8 @@ pub struct Totals {
     pub com: Vector3<f64>,
     /// Angular momentum about the centre of mass (kg m^2/s) and linear momentum (kg m/s), world axes.
     pub momentum: Wrench,
+    /// First moment of the gravity-compensated mass: sum of mass times world position (kg m).
+    pub lifted: Vector3<f64>,
     /// Kinetic energy of links and drives (J).
     pub kinetic: f64,
 }
@@ -19,7 +21,7 @@ pub struct Totals {
 impl Totals {
     /// Kinetic and potential energy (J) under `gravity` (m/s^2), zero of the latter at the world's origin.
     pub fn energy(&self, gravity: &Vector3<f64>) -> f64 {
-        self.kinetic - self.mass * gravity.dot(&self.com)
+        self.kinetic - gravity.dot(&(self.com * self.mass - self.lifted))
     }
 }
 
@@ -32,10 +34,12 @@ pub fn totals(robot: &Robot, state: &[f64], data: &mut Data) -> Totals {
     inertias(robot, data);
     velocities(robot, &local, data);
     let (mut mass, mut moment, mut momentum, mut kinetic) = (0.0, Vector3::zeros(), Wrench::default(), 0.0);
+    let mut lifted = Vector3::zeros();
     for (i, link) in robot.links.iter().enumerate() {
         let h = data.inertia[i].apply(&data.velocity[i]);
         mass += link.inertia.mass;
         moment += (data.position[i] + data.rotation[i] * link.inertia.com) * link.inertia.mass;
+        lifted += (data.origin + data.position[i] + data.rotation[i] * link.lifted.at) * link.lifted.mass;
         momentum += h;
         kinetic += 0.5 * data.velocity[i].dot(&h);
     }
@@ -43,5 +47,5 @@ pub fn totals(robot: &Robot, state: &[f64], data: &mut Data) -> Totals {
     momentum.ang -= com.cross(&momentum.lin);
     let drives = robot.links.iter().zip(&data.dof).filter_map(|(link, k)| link.joint.as_ref().map(|j| (j, j.ratio() * qd[*k])));
     kinetic += drives.map(|(joint, v)| 0.5 * joint.armature * v * v).sum::<f64>();
-    Totals { mass, com: data.origin + com, momentum, kinetic }
+    Totals { mass, com: data.origin + com, momentum, lifted, kinetic }
 }

@@ -10,8 +10,8 @@ use crate::spatial::{Motion, Wrench};
 /// (words as in [`crate::spatial`], about `data.origin`) and e a number a DoF.
 ///
 /// The articulated-body algorithm's two sweeps (Featherstone 2008, section 7.3) without velocities: whatever resists the motion of a link
-/// as `K_i` does is inertia to all above it. Joints that follow others couple branches, which this cannot say; nor does it
-/// know `data.stand_ins`.
+/// as `K_i` does is inertia to all links above it. Joints that follow others couple branches, which this cannot express; it also ignores
+/// `data.stand_ins`.
 #[derive(Clone, Debug)]
 pub struct TreeFactor {
     pub(super) articulated: Vec<Matrix6<f64>>,
@@ -21,7 +21,7 @@ pub struct TreeFactor {
     pub(super) root: Option<Cholesky<f64, Const<6>>>,
     /// Accelerations of links under a unit wrench on them, see [`TreeFactor::spread`].
     pub(super) ease: Vec<Matrix6<f64>>,
-    /// A bound on what was added up in each link's inertia, by which rounding is known.
+    /// Bound on the magnitudes summed into each link's inertia, against which rounding is judged.
     pub(super) size: Vec<f64>,
     pub(super) force: Vec<Vector6<f64>>,
     pub(super) residual: Vec<f64>,
@@ -31,7 +31,7 @@ pub struct TreeFactor {
 }
 
 impl TreeFactor {
-    /// Room for a robot; none if the tree does not say all of its mass matrix.
+    /// Working memory for a robot; `None` if the tree does not determine the whole mass matrix.
     pub fn new(robot: &Robot) -> Option<Self> {
         let n = robot.links.len();
         (!robot.mimics()).then(|| Self {
@@ -48,7 +48,7 @@ impl TreeFactor {
         })
     }
 
-    /// `J_i x` of the last solution: what it does to a link.
+    /// `J_i x` of the last solution: the acceleration of a link.
     pub fn acceleration(&self, link: usize) -> Motion {
         Motion::from_slice(self.acceleration[link].as_slice())
     }
@@ -71,17 +71,17 @@ impl TreeFactor {
     }
 }
 
-/// What solves with a robot's mass matrix.
+/// Solver with a robot's mass matrix.
 #[derive(Clone, Debug)]
 pub enum Inverse {
     /// Along the tree.
     Tree(Box<TreeFactor>),
-    /// Where joints follow others, which couples branches of the tree, no recursion does.
+    /// By the matrix's factor, for robots with joints that follow others: these couple branches of the tree, so no recursion applies.
     Matrix(Factor),
 }
 
 impl Inverse {
-    /// Room for that of a robot.
+    /// The solver for a robot.
     pub fn new(robot: &Robot) -> Self {
         TreeFactor::new(robot).map_or_else(|| Self::Matrix(Factor::new(robot)), |tree| Self::Tree(Box::new(tree)))
     }

@@ -38,7 +38,7 @@ impl Limit {
 /// How a joint follows a coordinate: `position = multiplier q + offset`, exactly and at all times. It has no coordinate of its own.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mimic {
-    /// Index of the coordinate among those of the joints, `0..joint_count`.
+    /// Index of the coordinate among the joints' coordinates, `0..joint_count`.
     pub coordinate: usize,
     /// rad or m per unit of the coordinate.
     pub multiplier: f64,
@@ -53,24 +53,24 @@ pub struct Joint {
     pub name: String,
     /// How it moves.
     pub kind: JointKind,
-    /// What it follows, if it does not move by itself. Its own limit, spring, damping and friction then have no effect: reading a URDF
-    /// narrows the limit of the joint that it follows, and adds the latter two to that.
+    /// The coordinate it follows, if it does not move by itself. Its own limit, spring, damping and friction then have no effect: reading a
+    /// URDF narrows the limit of the leading joint, and adds damping and friction to it.
     pub(super) mimic: Option<Mimic>,
     /// Position limit, if any.
     pub limit: Option<Limit>,
     /// Viscous damping (N m s/rad or N s/m).
     pub damping: f64,
-    /// Dry friction (N m or N): its size while the joint slips, and what it holds at most.
+    /// Dry friction (N m or N): its size while the joint slips, and the largest load it holds while the joint sticks.
     pub friction: f64,
-    /// Stiffness of a spring at the joint (N m/rad or N/m), always there, as bending stiffness of a cable is; 0: none.
+    /// Stiffness of a spring at the joint (N m/rad or N/m), always active, such as the bending stiffness of a cable; 0: none.
     pub stiffness: f64,
-    /// Where that spring rests (rad or m).
+    /// Rest position of that spring (rad or m).
     pub rest: f64,
     /// Inertia of the drive seen at the joint (kg m^2 or kg).
     pub armature: f64,
-    /// Largest effort (N m or N); infinite where none is given. Kept by drives (`nerd_sim::drive`), not by torques that are given.
+    /// Largest effort (N m or N); infinite where none is given. Drives (`nerd_sim::drive`) keep it; torques given directly do not.
     pub effort: f64,
-    /// Largest velocity (rad/s or m/s); infinite where none is given. Kept by drives, not by torques that are given.
+    /// Largest velocity (rad/s or m/s); infinite where none is given. Drives keep it; torques given directly do not.
     pub velocity: f64,
     origin: Isometry3<f64>,
     axis: Unit<Vector3<f64>>,
@@ -123,20 +123,20 @@ impl Joint {
         &self.turn
     }
 
-    /// What it follows, if it does not move by itself; [`super::Robot::follow`] says so.
+    /// The coordinate it follows, if it does not move by itself; set by [`super::Robot::follow`].
     #[inline]
     pub fn mimic(&self) -> Option<&Mimic> {
         self.mimic.as_ref()
     }
 
-    /// Change of its position with its coordinate: 1 but for a joint that follows.
+    /// Derivative of its position with respect to its coordinate: 1 unless the joint follows another.
     #[inline]
     pub fn ratio(&self) -> f64 {
         self.mimic.map_or(1.0, |m| m.multiplier)
     }
 
-    /// Whether the coordinate is an angle kept in [-pi, pi): whether it turns without limits. A joint with limits, however
-    /// wide, knows its turns, and so does one with a spring.
+    /// Whether the coordinate is an angle kept in [-pi, pi), that is, whether it turns without limits. A joint with limits, however wide,
+    /// counts its turns, and so does one with a spring.
     #[inline]
     pub fn wraps(&self) -> bool {
         self.kind != JointKind::Prismatic && self.limit.is_none() && self.stiffness == 0.0

@@ -1,35 +1,26 @@
-//! Joints that follow others: `<mimic>` of a URDF, folded into the coordinates.
+//! Joints that follow others (`<mimic>` of a URDF and the like), folded into the coordinates.
 
-use super::{Limit, Mimic, Robot, UrdfError, UrdfRobot};
+use super::{BodyMimic, Limit, Mimic, Robot, UrdfError, UrdfRobot};
 
-/// Farther than any turn of a joint.
+/// Beyond any angle of a joint (rad).
 const ENDLESS: f64 = 1e9;
-/// By how much (rad or m) a limit is narrower than another, beyond rounding.
+/// Least difference (rad or m) that makes one limit narrower than another, beyond rounding.
 const NARROWER: f64 = 1e-6;
 
-/// Makes joints of links follow what the file says, through joints that follow in turn. One that is to follow what is not in the file at
-/// all moves by itself, which is noted.
-pub(super) fn follow(read: &mut UrdfRobot, file: &urdf_rs::Robot, mut followers: Vec<(usize, &urdf_rs::Mimic)>) -> Result<(), UrdfError> {
+/// Makes joints of links follow the leaders that the file names, through chains of followers.
+pub(super) fn follow(read: &mut UrdfRobot, followers: Vec<(usize, &BodyMimic)>) -> Result<(), UrdfError> {
     let UrdfRobot { robot, notes, .. } = read;
-    followers.retain(|(link, mimic)| {
-        let there = file.joints.iter().any(|j| j.name == mimic.joint);
-        if let (false, Some(joint)) = (there, &robot.links[*link].joint) {
-            notes.push(format!("joint `{}`: <mimic> of `{}`, which is not there; it moves by itself", joint.name, mimic.joint));
-        }
-        there
-    });
     let joint = |robot: &Robot, name: &str| robot.links.iter().position(|l| l.joint.as_ref().is_some_and(|j| j.name == name));
     let mut found = Vec::new();
     for (link, mimic) in &followers {
         let own = robot.links[*link].joint.as_ref().map(|j| j.name.clone()).unwrap_or_default();
         let wrong = |reason: String| UrdfError::joint(&own, reason);
         let (mut at, mut multiplier, mut offset) = (*mimic, 1.0, 0.0);
-        // As many steps as there are followers, or they follow each other in a ring.
+        // A walk longer than the number of followers means a ring.
         for step in 0..=followers.len() {
-            let (by, plus) = (at.multiplier.unwrap_or(1.0), at.offset.unwrap_or(0.0));
             // Of `m (m' q + o') + o`, from the outside in.
-            offset += multiplier * plus;
-            multiplier *= by;
+            offset += multiplier * at.offset;
+            multiplier *= at.multiplier;
             if !(multiplier.abs() < ENDLESS && offset.abs() < ENDLESS) {
                 return Err(wrong("<mimic> has a multiplier or an offset that is not finite, or absurd".into()));
             }
@@ -46,7 +37,7 @@ pub(super) fn follow(read: &mut UrdfRobot, file: &urdf_rs::Robot, mut followers:
             }
         }
     }
-    // Indices are those of the joints that move by themselves.
+    // Indices count only the joints that move by themselves.
     let own = |l: &usize| robot.links[*l].joint.is_some() && followers.iter().all(|f| f.0 != *l);
     let order: Vec<usize> = (0..robot.links.len()).filter(own).collect();
     for (link, leader, multiplier, offset) in found {
@@ -57,7 +48,7 @@ pub(super) fn follow(read: &mut UrdfRobot, file: &urdf_rs::Robot, mut followers:
         leader.damping += multiplier * multiplier * own.damping;
         leader.friction += multiplier.abs() * own.friction;
         if leader.wraps() && multiplier.fract() != 0.0 {
-            // A joint that turns without end forgets its turns, which one that follows by half of them would miss.
+            // A joint that turns without end forgets full turns, which matter to a follower with a multiplier such as one half.
             leader.limit = Some(Limit { lower: -ENDLESS, upper: ENDLESS, stiffness: 0.0, damping: 0.0 });
         }
         let Some(limit) = own.limit.filter(|_| multiplier != 0.0) else { continue };

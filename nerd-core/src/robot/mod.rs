@@ -1,5 +1,6 @@
 //! The robot: a tree of links joined by one-DoF joints, on a fixed or a floating base.
 
+mod bodies;
 mod joint;
 mod loaded;
 mod lump;
@@ -9,12 +10,15 @@ mod names;
 mod planar;
 mod scale;
 mod shape;
+mod tree;
 mod urdf;
+mod visual;
 mod words;
 mod xml;
 
+pub use bodies::{Bodies, Body, BodyJoint, BodyJointKind, BodyMimic, Form, Solid};
 pub use joint::{Joint, JointKind, Limit, Mimic};
 pub use loaded::{Hull, MeshFile, UrdfError, UrdfRobot};
-pub use model::{Base, FixedFrame, Link, Robot};
+pub use model::{Base, FixedFrame, FreeRoot, Link, Robot};
 pub use names::{JointIndex, UnknownName};
 pub use shape::{Shape, ShapeKind};

@@ -26,7 +26,7 @@ impl Base {
 /// One rigid body.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Link {
-    /// Name from the URDF.
+    /// Name from its file.
     pub name: String,
     /// Index of the link it hangs on; `None` for links on the fixed base and for a floating root.
     pub parent: Option<usize>,
@@ -34,14 +34,35 @@ pub struct Link {
     pub joint: Option<Joint>,
     /// Inertia in the link frame, fixed children lumped in.
     pub inertia: BodyInertia,
+    /// Gravity-compensated mass, in the link frame: gravity does not pull it.
+    pub lifted: PointMass,
     /// Collision shapes, fixed children's included.
     pub shapes: Vec<Shape>,
+    /// The file's frame of the body, in the link frame: positions given by the body's name count from there ([`Robot::frame`]). The
+    /// identity, except for an MJCF's body whose joint is elsewhere on it.
+    pub frame: Isometry3<f64>,
+}
+
+impl Link {
+    /// A link without shapes, whose own frame is the link frame.
+    pub fn new(name: impl Into<String>, parent: Option<usize>, joint: Option<Joint>, inertia: BodyInertia) -> Self {
+        Self { name: name.into(), parent, joint, inertia, lifted: PointMass::default(), shapes: Vec::new(), frame: Isometry3::identity() }
+    }
+}
+
+impl Link {
+    /// Adds `armature` to the inertia of each DoF of a free root, without weight; a negative number removes it.
+    pub fn arm(&mut self, armature: f64) {
+        let own = BodyInertia { mass: armature, com: Vector3::zeros(), inertia: Matrix3::from_diagonal_element(armature) };
+        self.inertia = self.inertia.welded(&own);
+        self.lifted = self.lifted.with(&PointMass { mass: armature, at: Vector3::zeros() });
+    }
 }
 
 /// A frame fixed on a moving link.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FixedFrame {
-    /// Name of its link in the URDF.
+    /// Name of its body in the file.
     pub name: String,
     /// Index of the moving link that carries it; `None` on a fixed base.
     pub link: Option<usize>,
@@ -49,31 +70,43 @@ pub struct FixedFrame {
     pub pose: Isometry3<f64>,
 }
 
+/// Armature and damping of a free root, the same on its six DoFs: three rotations, three translations of its link's frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct FreeRoot {
+    /// Inertia without weight (kg m^2, kg). It is included in the inertia of link 0, and compensated there.
+    pub armature: f64,
+    /// Viscous damping (N m s/rad, N s/m).
+    pub damping: f64,
+}
+
 /// A robot model. Links are in topological order: a parent comes before its children.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Robot {
-    /// Name from the URDF.
+    /// Name from its file.
     pub name: String,
     /// Its base.
     pub base: Base,
     /// Its moving links.
     pub links: Vec<Link>,
-    /// Points at which contact is looked for.
+    /// Armature and damping of a free root.
+    pub free: FreeRoot,
+    /// Candidate contact points.
     pub contact_points: Vec<ContactPoint>,
-    /// Links of the URDF that hang on fixed joints (sole, IMU, tool) and where they are.
+    /// Bodies of the file that hang on fixed joints (sole, IMU, tool), their own frames.
     pub frames: Vec<FixedFrame>,
-    /// Joints that follow others: counted once, since sizes are asked for in every step.
+    /// Number of joints that follow others, stored since sizes are needed in every step.
     followers: usize,
 }
 
 impl Robot {
     /// A robot without links yet.
     pub fn new(name: impl Into<String>, base: Base) -> Self {
-        Self { name: name.into(), base, links: Vec::new(), contact_points: Vec::new(), frames: Vec::new(), followers: 0 }
+        let free = FreeRoot::default();
+        Self { name: name.into(), base, links: Vec::new(), free, contact_points: Vec::new(), frames: Vec::new(), followers: 0 }
     }
 
-    /// Makes the joint of a link follow a coordinate, or move by itself again. Coordinates are counted by the joints that move by
-    /// themselves when all is said.
+    /// Makes the joint of a link follow a coordinate, or move by itself again. Coordinate indices refer to the final set of joints that
+    /// move by themselves.
     pub fn follow(&mut self, link: usize, mimic: Option<Mimic>) {
         if let Some(joint) = &mut self.links[link].joint {
             joint.mimic = mimic;
@@ -87,7 +120,7 @@ impl Robot {
         self.base == Base::Floating
     }
 
-    /// DoF of the root: 6 if floating, else 0. The DoF of a link's joint is that of [`Robot::dofs`].
+    /// DoF of the root: 6 if floating, else 0. [`Robot::dofs`] gives the DoF of a link's joint.
     #[inline]
     pub fn root_dofs(&self) -> usize {
         if self.floating() { 6 } else { 0 }
@@ -116,7 +149,7 @@ impl Robot {
         self.links.iter().filter_map(|l| l.joint.as_ref()).find(|j| j.mimic.is_some())
     }
 
-    /// The index in `qd` of each link's joint; joints that follow one share its index. Of a floating root 0, which is the first of its six.
+    /// The index in `qd` of each link's joint; joints that follow one share its index. 0 for a floating root, the first of its six.
     pub fn dofs(&self) -> Vec<usize> {
         let (first, mut own) = (self.root_dofs(), 0);
         let of = |link: &Link| match &link.joint {
@@ -198,9 +231,8 @@ impl Robot {
         links.flat_map(|(link, body)| body.shapes.iter().flat_map(move |shape| shape.contact_points(link))).collect()
     }
 
-    /// What a link touches a scene with, for an engine that has shapes: boxes and cylinders whose points are all contact
-    /// points, balls for the points that are left. As balls of 1e-5 m corners would catch on the ground: a sliding plate
-    /// stops within a frame.
+    /// Collision geometry of a link for an engine that has shapes: boxes and cylinders whose points are all contact points, and balls for
+    /// the other points. As balls of 1e-5 m, corners would catch on the ground: a sliding plate stops within a frame.
     pub fn touching(&self, link: usize) -> (Vec<Shape>, Vec<ContactPoint>) {
         let mut points: Vec<_> = self.contact_points.iter().filter(|p| p.link == link).cloned().collect();
         let mut shapes = Vec::new();
@@ -212,7 +244,7 @@ impl Robot {
                 shapes.push(shape.clone());
             }
         }
-        // A disc is one thing, of which every point tells all.
+        // A disc is one shape; each of its points describes it fully.
         points.retain(|p| !matches!(p.locus, Locus::Rim { turn, .. } if turn != 0.0));
         (shapes, points)
     }

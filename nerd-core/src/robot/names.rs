@@ -14,7 +14,7 @@ pub struct UnknownName {
     hint: String,
 }
 
-/// Where a joint is: its place among the joints (torques and drives come in that order), in `q` and in `qd`, and the link it carries.
+/// Indices of a joint: among the joints (the order of torques and drives), in `q` and in `qd`; and the link it carries.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct JointIndex {
     /// Among the joints that move by themselves.
@@ -31,7 +31,7 @@ impl Robot {
     /// A joint by name: `q[robot.joint("elbow")?.q] = 0.3`.
     ///
     /// # Errors
-    /// If there is none that moves by itself; names that are near.
+    /// If no joint of this name moves by itself; lists similar names.
     pub fn joint(&self, name: &str) -> Result<JointIndex, UnknownName> {
         let own = self.links.iter().enumerate().filter_map(|(link, l)| Some((link, l.joint.as_ref()?)));
         let (followers, moving): (Vec<_>, Vec<_>) = own.partition(|(_, joint)| joint.mimic().is_some());
@@ -48,7 +48,7 @@ impl Robot {
     /// The index of a moving link by name.
     ///
     /// # Errors
-    /// If there is none; what it is fixed on, or names that are near.
+    /// If there is none; names the link it is fixed on, or lists similar names.
     pub fn link(&self, name: &str) -> Result<usize, UnknownName> {
         self.links.iter().position(|l| l.name == name).ok_or_else(|| {
             let hint = match self.frames.iter().find(|f| f.name == name).map(|f| f.link) {
@@ -60,13 +60,13 @@ impl Robot {
         })
     }
 
-    /// The frame of this name: that of a moving link, or one fixed on it (sole, IMU, tool) or on the base.
+    /// The frame of this name: a moving link's ([`Link::frame`]), or one fixed on a link (sole, IMU, tool) or on the base.
     ///
     /// # Errors
-    /// If there is none; names that are near.
+    /// If there is none; lists similar names.
     pub fn frame(&self, name: &str) -> Result<FixedFrame, UnknownName> {
         if let Some(link) = self.links.iter().position(|l| l.name == name) {
-            return Ok(FixedFrame { name: name.into(), link: Some(link), pose: Isometry3::identity() });
+            return Ok(FixedFrame { name: name.into(), link: Some(link), pose: self.links[link].frame });
         }
         let names = self.links.iter().map(|l| l.name.as_str()).chain(self.frames.iter().map(|f| f.name.as_str()));
         self.frames.iter().find(|f| f.name == name).cloned().ok_or_else(|| self.unknown("link or frame", name, near(name, names)))
@@ -77,7 +77,7 @@ impl Robot {
     }
 }
 
-/// The known names that this one may be a slip of, or the first of all.
+/// The known names that resemble this one, or the first of all.
 fn near<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> String {
     let known: Vec<&str> = known.collect();
     let alike = |k: &&&str| strsim::osa_distance(k, name) <= 2 || !name.is_empty() && (k.contains(name) || name.contains(**k));

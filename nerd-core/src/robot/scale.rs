@@ -15,8 +15,10 @@ impl Robot {
         let metres: Vec<bool> = self.joints().map(|j| j.kind == JointKind::Prismatic).collect();
         for link in &mut self.links {
             link.inertia.com *= factor;
+            link.lifted.at *= factor;
             link.inertia.inertia *= factor * factor;
             link.shapes.iter_mut().for_each(|shape| shape.scale(factor));
+            link.frame = scaled(&link.frame, factor);
             if let Some(joint) = &mut link.joint {
                 joint.set_origin(scaled(joint.origin(), factor));
                 let own = joint.kind == JointKind::Prismatic;
@@ -54,8 +56,8 @@ impl Shape {
 }
 
 impl BodyInertia {
-    /// Spreads mass along axis `axis` of the link: its second moment there times `factor`, those across as they are. So the inertia stays
-    /// one that a body can have.
+    /// Spreads mass along axis `axis` of the link: multiplies its second moment there by `factor` and keeps the other two. So the inertia
+    /// stays one that a body can have.
     pub fn spread(&mut self, axis: usize, factor: f64) {
         let mut moments = nalgebra::Matrix3::identity() * (0.5 * self.inertia.trace()) - self.inertia;
         moments.row_mut(axis).scale_mut(factor.sqrt());

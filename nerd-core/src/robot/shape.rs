@@ -10,11 +10,13 @@ const SHARP: f64 = 1e-5;
 pub struct Shape {
     /// Its pose in the link frame.
     pub pose: Isometry3<f64>,
-    /// What it is.
+    /// Its form and size.
     pub kind: ShapeKind,
+    /// Index of its contact properties in the file's table, where a file has one.
+    pub surface: Option<usize>,
 }
 
-/// Primitive shapes, centred; lengths in m. Those with an axis have it along z; of a capsule the straight part is measured.
+/// Primitive shapes, centred; lengths in m. Axes lie along z; a capsule's length is its straight part.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(missing_docs)]
 pub enum ShapeKind {
@@ -32,7 +34,7 @@ impl Shape {
         let at = |local: Vector3<f64>| self.pose.transform_point(&local.into()).coords;
         let point = |local: Vector3<f64>, radius: f64| ContactPoint::new(link, at(local), radius);
         let ends = |half_length: f64, radius: f64| [half_length, -half_length].map(|z| point(Vector3::z() * z, radius));
-        match self.kind {
+        let points: Vec<ContactPoint> = match self.kind {
             ShapeKind::Sphere { radius } => vec![point(Vector3::zeros(), radius)],
             ShapeKind::Capsule { radius, half_length } => ends(half_length, radius).into(),
             ShapeKind::Cylinder { radius, half_length } => {
@@ -46,6 +48,7 @@ impl Shape {
                 let side = |corner: usize, bit: usize| if corner >> bit & 1 == 1 { 1.0 } else { -1.0 };
                 (0..8).map(|c| point(half.component_mul(&Vector3::new(side(c, 0), side(c, 1), side(c, 2))), SHARP)).collect()
             }
-        }
+        };
+        points.into_iter().map(|point| point.on(self.surface)).collect()
     }
 }

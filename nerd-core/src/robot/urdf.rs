@@ -1,220 +1,195 @@
-//! Reads a robot from URDF, through urdf-rs, and refuses what is not supported by the name of its link or joint.
-//!
-//! Links come depth-first from the root, siblings in the order of the file's joints; the joints of `q` come in the
-//! order of their links. Fixed joints are lumped: inertia by the parallel-axis theorem, collision shapes with their
-//! pose. A fixed base drops the root link's own inertia (it is bolted to the world), hands out its shapes
-//! ([`UrdfRobot::base`]) and keeps fixed joints above the first moving ones as they are; the root of a floating robot is link 0. Links on fixed joints are
-//! kept as frames. A joint with `<mimic>` has no coordinate of its own; see [`super::Mimic`]. Planar joints: `planar.rs`. A floating
-//! joint makes the base free if it is the one joint of a root link that is nothing but a name (`world`).
+//! Reads the bodies of a URDF through urdf-rs; refuses unsupported elements and names their link or joint.
 
 use std::collections::{HashMap, HashSet};
 
-use urdf_rs::JointType;
+use nalgebra::{Isometry3, Matrix3, Translation3, Unit, UnitQuaternion, Vector3};
+use urdf_rs::{Geometry, JointType};
 
-use super::lump::{isometry, joint, lump, shapes, sound};
-use super::planar::{TURN, check_names, planar};
-use super::{mimic::follow, xml::prepared};
-use crate::prelude::*;
+use super::xml::prepared;
+use super::{Bodies, Body, BodyJoint, BodyJointKind, BodyMimic, Form, FreeRoot, ShapeKind, Solid, UrdfError};
+use crate::spatial::BodyInertia;
 
-impl Robot {
-    /// Reads a robot from the text of a URDF, on a base that is fixed (the root link is dropped) or floats (it is link 0). What the text
-    /// leaves open is in [`UrdfRobot::read`].
-    ///
-    /// Limits come without stiffness (it is not URDF's to say; nerd-sim's systems give them one), armature is zero, contact points are
-    /// those of [`Robot::default_contact_points`].
+/// Farthest place or angle of a pose (m, rad), end of a limit, and largest damping or dry friction.
+const FAR: f64 = 1e9;
+
+impl Bodies {
+    /// Reads the text of a URDF; also returns the assumptions made where it is silent, a line each. A visual that cannot be read is left
+    /// out.
     ///
     /// # Errors
-    /// If the text cannot be honoured: which link or joint, and why.
-    pub fn from_urdf(xml: &str, base: Base) -> Result<Self, UrdfError> {
-        UrdfRobot::read(xml, base).map(|read| read.robot)
-    }
-}
-
-impl UrdfRobot {
-    /// Reads a robot as [`Robot::from_urdf`] does, and keeps what was taken for granted.
-    pub fn read(xml: &str, base: Base) -> Result<Self, UrdfError> {
-        Self::of(&parsed(xml)?, base)
-    }
-
-    /// The same from a URDF that nothing will be added to: a joint that carries no mass has no dynamics, and is fixed at zero. Its links
-    /// become frames, and a note names it.
-    pub fn read_alone(xml: &str, base: Base) -> Result<Self, UrdfError> {
-        let mut file = parsed(xml)?;
-        let read = Self::of(&file, base)?;
-        let idle = idle(&read.robot);
-        if idle.is_empty() {
-            return Ok(read);
+    /// If the text cannot be honoured; names the link or joint and the reason. [`super::UrdfRobot::of`] checks whether the joints make a
+    /// tree.
+    pub fn from_urdf(xml: &str) -> Result<(Self, Vec<String>), UrdfError> {
+        // A byte-order mark is not part of the text.
+        let (plain, looks) = prepared(xml.trim_start_matches('\u{feff}'))?;
+        if !plain.contains('<') {
+            return Err(UrdfError::text("it has no element; the text of a URDF is needed, not its path"));
         }
-        // Of a planar joint the last of its three carries what it carries.
-        let own = |j: &urdf_rs::Joint| if j.joint_type == JointType::Planar { format!("{}.{TURN}", j.name) } else { j.name.clone() };
-        let mut notes = Vec::new();
-        for joint in file.joints.iter_mut().filter(|j| idle.contains(&own(j))) {
-            joint.joint_type = JointType::Fixed;
-            notes.push(format!("joint `{}`: it carries no mass, and is fixed at zero", joint.name));
-        }
-        let mut read = Self::of(&file, base)?;
-        read.notes.extend(notes);
-        Ok(read)
-    }
-
-    fn of(file: &urdf_rs::Robot, base: Base) -> Result<Self, UrdfError> {
-        let floating = base == Base::Floating;
-        let tree = Tree::new(file, floating)?;
-        let mut read = Self::from(Robot::new(file.name.clone(), base));
-        if floating {
-            read.robot.links.push(bare(&file.links[tree.root], None, None));
-        }
-        tree.add(floating.then_some(0), &mut read)?;
-        for joint in file.joints.iter().filter(|j| tree.world.is_some_and(|world| file.links[world].name == j.parent.link)) {
-            let said = joint.origin.xyz.iter().chain(&*joint.origin.rpy).any(|x| *x != 0.0) || joint.dynamics.is_some();
-            if said || joint.mimic.is_some() {
-                read.notes.push(format!(
-                    "joint `{}`: its <origin>, <dynamics> and <mimic> are passed over, since it makes the base free",
-                    joint.name
-                ));
-            }
-        }
-        if read.robot.nv() == 0 {
-            return Err(UrdfError::Still);
-        }
-        sound(&read.robot, &mut read.notes)?;
-        read.robot.contact_points = read.robot.default_contact_points();
-        Ok(read)
-    }
-}
-
-fn parsed(xml: &str) -> Result<urdf_rs::Robot, UrdfError> {
-    // An editor's mark of its encoding is no text.
-    let plain = prepared(xml.trim_start_matches('\u{feff}'))?;
-    if !plain.contains('<') {
-        return Err(UrdfError::text("it has no element; the text of a URDF is needed, not its path"));
-    }
-    // urdf-rs may panic on text that is no URDF at all; user input never does here.
-    let parsed = std::panic::catch_unwind(|| urdf_rs::read_from_string(&plain));
-    let file = parsed.unwrap_or_else(|_| Err("malformed text".into())).map_err(|e| UrdfError::text(&e.to_string()))?;
-    check_names(&file)?;
-    Ok(file)
-}
-
-/// Joints without mass on them, nor on those that follow them.
-fn idle(robot: &Robot) -> Vec<String> {
-    let (links, dofs) = (&robot.links, robot.dofs());
-    let mut carried: Vec<bool> = links.iter().map(|l| l.inertia.mass > 0.0 || l.inertia.inertia.amax() > 0.0).collect();
-    for i in (0..carried.len()).rev() {
-        if let Some(p) = links[i].parent {
-            carried[p] |= carried[i];
-        }
-    }
-    let idle = |dof: usize| dofs.iter().zip(links).zip(&carried).all(|((d, l), carried)| *d != dof || l.joint.is_none() || !carried);
-    let joints = links.iter().zip(&dofs).filter(|(_, dof)| idle(**dof));
-    joints.filter_map(|(link, _)| link.joint.as_ref().map(|j| j.name.clone())).collect()
-}
-
-/// The file by index: children of each link, in the file's order.
-struct Tree<'a> {
-    file: &'a urdf_rs::Robot,
-    root: usize,
-    /// The link above the root by a floating joint: a name for the world.
-    world: Option<usize>,
-    children: Vec<Vec<(usize, usize)>>,
-}
-
-impl<'a> Tree<'a> {
-    fn new(file: &'a urdf_rs::Robot, floating: bool) -> Result<Self, UrdfError> {
-        let mut index = HashMap::new();
+        // urdf-rs may panic on text that is no URDF at all; user input never does here.
+        let parsed = std::panic::catch_unwind(|| urdf_rs::read_from_string(&plain));
+        let file = parsed.unwrap_or_else(|_| Err("malformed text".into())).map_err(|e| UrdfError::text(&e.to_string()))?;
+        let (mut index, mut names, mut notes) = (HashMap::new(), HashSet::new(), Vec::new());
         for (i, link) in file.links.iter().enumerate() {
             if index.insert(link.name.as_str(), i).is_some() {
                 return Err(UrdfError::link(&link.name, "name used twice"));
             }
         }
-        let mut names = HashSet::new();
-        let mut children = vec![Vec::new(); file.links.len()];
-        let mut parents = vec![0usize; file.links.len()];
-        for (j, joint) in file.joints.iter().enumerate() {
-            let wrong = |reason: String| UrdfError::joint(&joint.name, reason);
-            if !names.insert(joint.name.as_str()) {
-                return Err(wrong("name used twice".into()));
-            }
-            let find = |name: &str| index.get(name).copied().ok_or_else(|| wrong(format!("unknown link `{name}`")));
-            let (parent, child) = (find(&joint.parent.link)?, find(&joint.child.link)?);
-            parents[child] += 1;
-            if parents[child] > 1 {
-                return Err(wrong(format!("link `{}` already hangs on another joint", joint.child.link)));
-            }
-            children[parent].push((j, child));
+        if let Some(twice) = file.joints.iter().find(|joint| !names.insert(joint.name.as_str())) {
+            return Err(UrdfError::joint(&twice.name, "name used twice"));
         }
-        let roots: Vec<usize> = (0..file.links.len()).filter(|i| parents[*i] == 0).collect();
-        let name = |i: usize| &file.links[i].name;
-        match roots[..] {
-            [root] => match floating_root(file, root, &children[root]) {
-                Some((joint, _)) if !floating => {
-                    Err(UrdfError::joint(&file.joints[joint].name, "it is floating, and makes the base free: write `floating = true`"))
-                }
-                Some((_, child)) => Ok(Self { file, root: child, world: Some(root), children }),
-                None => Ok(Self { file, root, world: None, children }),
-            },
-            [] if file.links.is_empty() => Err(UrdfError::tree("there is no link at all")),
-            [] => Err(UrdfError::tree("every link hangs on another (a cycle)")),
-            [a, b, ..] => Err(UrdfError::tree(&format!("{} roots, among them `{}` and `{}`", roots.len(), name(a), name(b)))),
-        }
-    }
-
-    /// Adds the root and all below it; `host` is the moving link the root belongs to, `None` for the world.
-    fn add(&self, host: Option<usize>, read: &mut UrdfRobot) -> Result<(), UrdfError> {
-        // An explicit stack, so that a deep file cannot overflow the program's. An entry: link, the moving link above
-        // it, its pose there, and the joint it moves by, if it does.
-        let mut stack = vec![(self.root, host, Isometry3::identity(), None)];
-        let mut seen: Vec<bool> = (0..self.file.links.len()).map(|i| Some(i) == self.world).collect();
-        let mut followers = Vec::new();
-        while let Some((link, mut host, mut pose, moving)) = stack.pop() {
-            seen[link] = true;
-            let source = &self.file.links[link];
-            if let Some(j) = moving {
-                let of: &urdf_rs::Joint = &self.file.joints[j];
-                let joint = if of.joint_type == JointType::Planar {
-                    let (slides, turn) = planar(of, &source.name, host, pose, read.robot.links.len(), &mut read.notes)?;
-                    read.robot.links.extend(slides);
-                    host = Some(read.robot.links.len() - 1);
-                    turn
-                } else {
-                    joint(of, pose, &mut read.notes)?
-                };
-                read.robot.links.push(bare(source, host, Some(joint)));
-                (host, pose) = (Some(read.robot.links.len() - 1), Isometry3::identity());
-                followers.extend(of.mimic.as_ref().map(|mimic| (read.robot.links.len() - 1, mimic)));
-            } else if host.is_none() || link != self.root {
-                read.robot.frames.push(FixedFrame { name: source.name.clone(), link: host, pose });
+        let looks = looks.into_iter().chain(std::iter::repeat(Vec::new()));
+        let bodies = file.links.iter().zip(looks).map(|(link, visuals)| body(link, visuals)).collect::<Result<_, _>>()?;
+        let ends = |joint: &urdf_rs::Joint| {
+            let find = |name: &str| index.get(name).copied();
+            let find = |name: &str| find(name).ok_or_else(|| UrdfError::joint(&joint.name, format!("unknown link `{name}`")));
+            Ok([find(&joint.parent.link)?, find(&joint.child.link)?])
+        };
+        let mut joints = Vec::new();
+        for source in &file.joints {
+            let mut joint = joint(source, ends(source)?, &mut notes)?;
+            if let Some(away) = joint.mimic.take_if(|mimic| !names.contains(mimic.joint.as_str())) {
+                notes.push(format!("joint `{}`: <mimic> of `{}`, which is not there; it moves by itself", joint.name, away.joint));
             }
-            match host {
-                Some(host) => lump(source, &pose, host, read)?,
-                None => shapes(source, &pose, None, read)?,
-            }
-            for &(j, child) in self.children[link].iter().rev() {
-                let joint = &self.file.joints[j];
-                let origin = pose
-                    * isometry(&joint.origin)
-                        .ok_or_else(|| UrdfError::joint(&joint.name, "origin is not finite, or farther than 1e9 m or rad"))?;
-                stack.push((child, host, origin, (joint.joint_type != JointType::Fixed).then_some(j)));
-            }
+            joints.push(joint);
         }
-        match seen.iter().position(|s| !s) {
-            Some(lost) => Err(UrdfError::link(&self.file.links[lost].name, "hangs in a cycle of joints, apart from the root")),
-            None => follow(read, self.file, followers),
-        }
+        let robot = Self { name: file.name.clone(), free: FreeRoot::default(), bodies, joints };
+        Ok((robot, notes))
     }
 }
 
-/// The joint from a root that is nothing but a name to a robot that floats, and the robot's own root.
-fn floating_root(file: &urdf_rs::Robot, root: usize, children: &[(usize, usize)]) -> Option<(usize, usize)> {
-    let link = &file.links[root];
-    let bare = link.inertial.mass.value == 0.0 && link.collision.is_empty();
-    match children {
-        [(joint, child)] if bare && file.joints[*joint].joint_type == JointType::Floating => Some((*joint, *child)),
-        _ => None,
+fn body(source: &urdf_rs::Link, visuals: Vec<Solid>) -> Result<Body, UrdfError> {
+    let wrong = |reason: &str| UrdfError::link(&source.name, reason);
+    let origin = isometry(&source.inertial.origin).ok_or_else(|| wrong("inertial origin is not finite, or too far"))?;
+    let i = &source.inertial.inertia;
+    let inertia = Matrix3::new(i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz);
+    let inertia = BodyInertia { mass: source.inertial.mass.value, com: Vector3::zeros(), inertia };
+    let inertia = inertia.transformed(&origin.rotation.to_rotation_matrix(), &origin.translation.vector);
+    let solid = |collision: &urdf_rs::Collision| {
+        let pose = isometry(&collision.origin).ok_or_else(|| wrong("collision origin is not finite, or too far"))?;
+        let form = form(&collision.geometry);
+        match &form {
+            // Engines assert on -0.
+            Form::Shape(kind) if !sizes(kind).iter().all(|x| x.is_sign_positive() && *x <= FAR) => {
+                Err(wrong("a collision shape has a negative size, or one that is not finite or absurd"))
+            }
+            _ => Ok(Solid { pose, form, surface: None }),
+        }
+    };
+    let collisions = source.collision.iter().map(solid).collect::<Result<_, _>>()?;
+    Ok(Body { name: source.name.clone(), frame: Isometry3::identity(), inertia, lifted: 0.0, collisions, visuals })
+}
+
+fn joint(source: &urdf_rs::Joint, [parent, child]: [usize; 2], notes: &mut Vec<String>) -> Result<BodyJoint, UrdfError> {
+    let wrong = |reason: &str| UrdfError::joint(&source.name, reason);
+    let kind = match source.joint_type {
+        JointType::Fixed => BodyJointKind::Fixed,
+        JointType::Revolute => BodyJointKind::Revolute,
+        JointType::Continuous => BodyJointKind::Continuous,
+        JointType::Prismatic => BodyJointKind::Prismatic,
+        JointType::Planar => BodyJointKind::Planar,
+        JointType::Floating => BodyJointKind::Floating,
+        ref other => return Err(wrong(&format!("type {other:?} is not supported; write it as revolute, continuous or prismatic joints"))),
+    };
+    let origin = isometry(&source.origin);
+    let mut joint = BodyJoint { kind, ..BodyJoint::fixed(source.name.clone(), [parent, child], origin.unwrap_or_default()) };
+    if kind == BodyJointKind::Floating {
+        let said = source.origin.xyz.iter().chain(&*source.origin.rpy).any(|x| *x != 0.0) || source.dynamics.is_some();
+        if said || source.mimic.is_some() {
+            notes.push(format!(
+                "joint `{}`: its <origin>, <dynamics> and <mimic> are passed over, since it makes the base free",
+                source.name
+            ));
+        }
+        return Ok(BodyJoint { origin: Isometry3::identity(), ..joint });
+    }
+    if origin.is_none() {
+        return Err(wrong("origin is not finite, or farther than 1e9 m or rad"));
+    }
+    if kind == BodyJointKind::Fixed {
+        return Ok(joint);
+    }
+    joint.axis = axis(source)?;
+    (joint.damping, joint.friction) = losses(source)?;
+    let limit = &source.limit;
+    if kind == BodyJointKind::Planar {
+        if source.mimic.is_some() {
+            return Err(wrong("a planar joint has three coordinates, and none of them can follow by <mimic>"));
+        }
+        if [limit.lower, limit.upper, limit.effort, limit.velocity].iter().any(|x| *x != 0.0) {
+            notes.push(format!("joint `{}`: <limit> is passed over, since a planar joint has three coordinates", source.name));
+        }
+        return Ok(joint);
+    }
+    [joint.effort, joint.velocity] = [limit.effort, limit.velocity].map(|x| if x.is_finite() && x > 0.0 { x } else { f64::INFINITY });
+    let mimic =
+        |m: &urdf_rs::Mimic| BodyMimic { joint: m.joint.clone(), multiplier: m.multiplier.unwrap_or(1.0), offset: m.offset.unwrap_or(0.0) };
+    joint.mimic = source.mimic.as_ref().map(mimic);
+    if kind != BodyJointKind::Continuous {
+        joint.range = range(source, notes)?;
+    }
+    Ok(joint)
+}
+
+/// The ends of a hinge or a slide.
+fn range(source: &urdf_rs::Joint, notes: &mut Vec<String>) -> Result<Option<[f64; 2]>, UrdfError> {
+    let (limit, wrong) = (&source.limit, |reason: &str| UrdfError::joint(&source.name, reason));
+    match (limit.lower, limit.upper) {
+        // The defaults of a file that leaves both out; a joint that cannot move would be a fixed one.
+        (0.0, 0.0) if limit.effort == 0.0 && limit.velocity == 0.0 => {
+            notes.push(format!("joint `{}`: <limit> is missing or all zero, and limits nothing", source.name));
+            Ok(None)
+        }
+        (lower, upper) if lower > upper => Err(wrong(&format!("lower limit {lower} is above upper limit {upper}"))),
+        // The meaning in URDF 1.2 of leaving both out, and the bounds that other tools write for it.
+        (lower, upper) if lower <= -FAR && upper >= FAR => {
+            notes.push(format!("joint `{}`: <limit> has no bounds, and limits nothing", source.name));
+            Ok(None)
+        }
+        (lower, upper) if lower >= -FAR && upper <= FAR => Ok(Some([lower, upper])),
+        _ => Err(wrong("a limit is not finite, or beyond 1e9; give both ends or neither")),
     }
 }
 
-/// A link of the file, nothing lumped in yet.
-fn bare(source: &urdf_rs::Link, parent: Option<usize>, joint: Option<super::Joint>) -> Link {
-    Link { name: source.name.clone(), parent, joint, inertia: BodyInertia::default(), shapes: Vec::new() }
+fn axis(source: &urdf_rs::Joint) -> Result<Unit<Vector3<f64>>, UrdfError> {
+    let axis = Vector3::from(*source.axis.xyz);
+    let usable = (1e-9..1e9).contains(&axis.norm());
+    Unit::try_new(axis, 0.0).filter(|_| usable).ok_or_else(|| UrdfError::joint(&source.name, "axis has no direction or is not finite"))
+}
+
+fn losses(source: &urdf_rs::Joint) -> Result<(f64, f64), UrdfError> {
+    let Some(dynamics) = &source.dynamics else { return Ok((0.0, 0.0)) };
+    for (what, value) in [("damping", dynamics.damping), ("friction", dynamics.friction)] {
+        if !(0.0..=FAR).contains(&value) {
+            return Err(UrdfError::joint(&source.name, format!("{what} is {value:e}; a number from 0 to {FAR:e} is needed")));
+        }
+    }
+    Ok((dynamics.damping, dynamics.friction))
+}
+
+fn form(geometry: &Geometry) -> Form {
+    Form::Shape(match geometry {
+        Geometry::Box { size } => ShapeKind::Box { half: Vector3::from(**size) * 0.5 },
+        Geometry::Cylinder { radius, length } => ShapeKind::Cylinder { radius: *radius, half_length: 0.5 * length },
+        Geometry::Capsule { radius, length } => ShapeKind::Capsule { radius: *radius, half_length: 0.5 * length },
+        Geometry::Sphere { radius } => ShapeKind::Sphere { radius: *radius },
+        Geometry::Mesh { filename, scale } => {
+            let scale = scale.map_or(Vector3::repeat(1.0), |s| Vector3::from(*s));
+            return Form::Mesh { file: filename.clone(), scale };
+        }
+    })
+}
+
+fn sizes(kind: &ShapeKind) -> [f64; 3] {
+    match *kind {
+        ShapeKind::Sphere { radius } => [radius, radius, radius],
+        ShapeKind::Box { half } => half.into(),
+        ShapeKind::Cylinder { radius, half_length } | ShapeKind::Capsule { radius, half_length } => [radius, half_length, radius],
+    }
+}
+
+/// A URDF pose (roll, pitch, yaw about fixed axes), if finite and not absurdly far.
+fn isometry(pose: &urdf_rs::Pose) -> Option<Isometry3<f64>> {
+    let ([x, y, z], [roll, pitch, yaw]) = (*pose.xyz, *pose.rpy);
+    let finite = [x, y, z, roll, pitch, yaw].iter().all(|v| v.abs() <= FAR);
+    finite.then(|| Isometry3::from_parts(Translation3::new(x, y, z), UnitQuaternion::from_euler_angles(roll, pitch, yaw)))
 }

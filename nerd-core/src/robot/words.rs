@@ -28,7 +28,7 @@ const CHILDREN: [(&str, &[&str]); 5] = [
     ("collision", &["origin", "geometry", "material", "verbose", "contact_coefficients"]),
 ];
 
-/// How many numbers an attribute of the elements above has; the others are words.
+/// How many numbers an attribute of the elements above has; `None` for words.
 fn numbers(element: &str, attribute: &str) -> Option<usize> {
     match (element, attribute) {
         ("link" | "joint" | "parent" | "child", _) | ("mimic", "joint") => None,
@@ -37,18 +37,18 @@ fn numbers(element: &str, attribute: &str) -> Option<usize> {
     }
 }
 
-/// Formats whose files are taken for a URDF, by their root.
+/// Root elements of other formats that are mistaken for URDF.
 const OTHERS: [(&str, &str); 3] = [("sdf", "an SDF file"), ("mujoco", "an MJCF file"), ("COLLADA", "a COLLADA mesh")];
 
-/// Letters by which a misspelt word differs.
+/// Largest number of letters by which a misspelt word differs.
 const SLIPS: usize = 2;
 
 fn of<'a>(table: &'a [(&str, &'a [&'a str])], element: &str) -> Option<&'a [&'a str]> {
     table.iter().find(|(name, _)| *name == element).map(|(_, words)| *words)
 }
 
-/// Refuses an element, whose path of names from the root ends with it, that is no part of a URDF, defines what is not supported, or looks
-/// like a slip; and attributes `(name, value)` of it that do.
+/// Refuses an element that is no part of a URDF, is not supported, or looks misspelt; likewise its attributes `(name, value)`. `path` holds
+/// the element names from the root and ends with the element.
 pub(super) fn check(path: &[&str], attributes: &[(String, String)]) -> Result<(), String> {
     let [root, rest @ ..] = path else { return Ok(()) };
     if *root != "robot" {
@@ -96,7 +96,7 @@ pub(super) fn check(path: &[&str], attributes: &[(String, String)]) -> Result<()
             return Err(format!("<{element} {name}=\"{value}\">: {} numbers, {count} are needed", words.len()));
         }
     }
-    // The lower triangle of an inertia says what the upper one does.
+    // The lower triangle of an inertia repeats the upper one.
     for (twin, key) in [("iyx", "ixy"), ("izx", "ixz"), ("izy", "iyz")].into_iter().filter(|_| *element == "inertia") {
         let of = |key: &str| attributes.iter().find(|(name, _)| name == key).and_then(|(_, value)| value.trim().parse::<f64>().ok());
         if let (Some(a), Some(b)) = (of(twin), of(key))
@@ -108,7 +108,7 @@ pub(super) fn check(path: &[&str], attributes: &[(String, String)]) -> Result<()
     Ok(())
 }
 
-/// The known word that this one misspells. Words that resemble none are extensions, of which real files are full.
+/// The known word that this one misspells. Words that resemble none are extensions, common in real files.
 fn meant<'a>(known: &[&'a str], word: &str) -> Option<&'a str> {
     known.iter().find(|k| strsim::osa_distance(k, word) <= SLIPS).copied()
 }

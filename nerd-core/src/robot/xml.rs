@@ -1,14 +1,16 @@
-//! Preprocessing of a URDF's text for urdf-rs: what defines the robot is checked with line and element, what nothing here reads is left out,
-//! and what may be left out of a file is filled in.
+//! Preprocesses a URDF's text for urdf-rs: checks the elements that define the robot and reports line and element, drops elements that
+//! urdf-rs need not read, and fills in optional ones that it requires.
+
+use std::borrow::Cow;
 
 use quick_xml::Reader;
-use quick_xml::events::{BytesStart, Event};
+use quick_xml::events::{BytesStart, Event, attributes::Attribute};
 
-use super::{UrdfError, words::check};
+use super::{Solid, UrdfError, visual::Looks, words::check};
 
 /// Elements of a URDF may be nested this deep; urdf-rs recurses and would overflow the stack far beyond it.
 const DEEPEST: usize = 64;
-/// Elements that nothing here reads. Files leave them unfinished, which urdf-rs minds.
+/// Elements that do not affect motion. Files often leave them unfinished, which urdf-rs refuses.
 const UNREAD: [&str; 5] = ["material", "visual", "safety_controller", "calibration", "transmission"];
 
 /// An element on the way from the root.
@@ -18,15 +20,15 @@ struct Open {
     children: Vec<String>,
 }
 
-/// The text as urdf-rs shall see it.
-pub(super) fn prepared(text: &str) -> Result<String, UrdfError> {
+/// The text for urdf-rs, and the visual shapes of each link.
+pub(super) fn prepared(text: &str) -> Result<(String, Vec<Vec<Solid>>), UrdfError> {
     if text.starts_with("version https://git-lfs") {
         return Err(UrdfError::text("it is a pointer of Git LFS; run `git lfs pull` for the file"));
     }
     let mut reader = Reader::from_str(text);
     let (mut out, mut path) = (String::with_capacity(text.len()), Vec::<Open>::new());
     // Depth of the element that is being left out.
-    let mut unread = None;
+    let (mut unread, mut looks) = (None, Looks::default());
     loop {
         let start = reader.buffer_position() as usize;
         let read = reader.read_event();
@@ -36,7 +38,7 @@ pub(super) fn prepared(text: &str) -> Result<String, UrdfError> {
         let mut kept = unread.is_none().then(|| text.get(start..end).unwrap_or_default().to_owned());
         match &event {
             Event::Eof if !path.is_empty() => return Err(UrdfError::text("the text ends within an element")),
-            Event::Eof => return Ok(out),
+            Event::Eof => return Ok((out, looks.solids())),
             Event::Start(tag) | Event::Empty(tag) => {
                 let empty = matches!(event, Event::Empty(_));
                 if path.len() == DEEPEST {
@@ -50,6 +52,7 @@ pub(super) fn prepared(text: &str) -> Result<String, UrdfError> {
                 path.push(Open { name: name.clone(), own, children: Vec::new() });
                 let names: Vec<&str> = path.iter().map(|open| open.name.as_str()).collect();
                 check(&names, &attributes).map_err(|reason| refused(&path, at(start), &reason))?;
+                looks.open(&names, &attributes);
                 if UNREAD.contains(&name.as_str()) {
                     kept = None;
                     unread = unread.or((!empty).then_some(path.len()));
@@ -79,7 +82,8 @@ fn refused(path: &[Open], line: usize, reason: &str) -> UrdfError {
     UrdfError::text(&format!("line {line}{owner}: {reason}"))
 }
 
-/// What URDF leaves out of a <limit> and urdf-rs does not: a joint without bounds moves without end, effort and velocity are not known.
+/// Fills in attributes of <limit> that URDF makes optional and urdf-rs requires: no bounds mean endless motion; effort and velocity are
+/// unknown.
 fn fill(tag: &mut String, attributes: &[(String, String)]) {
     let has = |key: &str| attributes.iter().any(|(name, _)| name == key);
     let mut more = String::new();
@@ -115,5 +119,6 @@ fn name(tag: &BytesStart) -> String {
 
 fn attributes(tag: &BytesStart) -> Vec<(String, String)> {
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    tag.attributes().flatten().map(|a| (text(a.key.as_ref()), text(&a.value))).collect()
+    let value = |a: &Attribute| a.unescape_value().map_or_else(|_| text(&a.value), Cow::into_owned);
+    tag.attributes().flatten().map(|a| (text(a.key.as_ref()), value(&a))).collect()
 }

@@ -1,7 +1,7 @@
-//! The dynamics are those of one kinetic and one potential energy, which are computed here from link poses and twists.
+//! The dynamics follow from one kinetic and one potential energy, computed here from link poses and twists.
 //!
-//! Bounds: polarisation of the (quadratic) kinetic energy is exact, rounding only; a central difference with step h
-//! errs by h^2 times the third derivative and by 1e-16 E / h, both about 1e-8 of the largest term at h = 1e-5.
+//! Bounds: polarisation of the (quadratic) kinetic energy is exact up to rounding. A central difference with step h has an error of h^2
+//! times the third derivative plus 1e-16 E / h, both about 1e-8 of the largest term at h = 1e-5.
 
 use super::common::*;
 

@@ -1,4 +1,4 @@
-//! Joints that follow others: the dynamics are those of all joints by themselves, folded into the coordinates.
+//! Joints that follow others: the dynamics equal the dynamics of all joints moving freely, projected onto the coordinates.
 
 use super::common::*;
 

@@ -31,7 +31,7 @@ fn articulated_bodies_mass_matrix_and_inverse_dynamics_agree() {
             let mass = data.mass_matrix(&robot, &q);
             worst[0] = worst[0].max(gap(&dense(mass, &x), qdd.as_slice()));
             assert!(factor.refill(mass));
-            // Of one DoF after the other, what it does to itself.
+            // For each DoF, its own diagonal entry of the inverse.
             for k in 0..robot.nv() {
                 let [mut one, mut same] = [(); 2].map(|_| (0..robot.nv()).map(|i| f64::from(i == k)).collect::<Vec<_>>());
                 factor.solve(&mut one);
@@ -47,7 +47,7 @@ fn articulated_bodies_mass_matrix_and_inverse_dynamics_agree() {
     assert!(worst.iter().all(|w| *w < BOUND), "ABA against dense, sparse and inverse dynamics: {worst:?}, allowed {BOUND:.0e}");
 }
 
-/// What was asked before, of other coordinates, changes no answer.
+/// Earlier calls at other coordinates change no answer.
 #[test]
 fn answers_are_of_the_coordinates_given() {
     for (robot, mut rng) in robots() {
@@ -86,8 +86,8 @@ fn moving_the_base_100_km_changes_accelerations_by_rounding_only() {
     }
 }
 
-/// A massless chain has no accelerations: its last joint is the first to be missed. A massless root turns in its child for nothing;
-/// rounding leaves something on the diagonal, positive or not.
+/// A massless chain has no accelerations: its last joint is the first reported. A massless root rotates freely within its child; rounding
+/// leaves something on the diagonal, positive or not.
 #[test]
 fn without_inertia_there_is_no_answer_but_a_name() {
     for seed in 0..50 {

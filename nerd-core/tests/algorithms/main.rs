@@ -7,5 +7,6 @@ mod derivatives;
 mod energy;
 mod following;
 mod forward;
+mod lifted;
 mod textbook;
 mod tree;

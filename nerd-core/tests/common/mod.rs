@@ -4,7 +4,7 @@
 pub use nalgebra::{DMatrix, DVector};
 use nalgebra::{Rotation3, Translation3, Unit};
 pub use nerd_core::prelude::*;
-use nerd_core::robot::Mimic;
+use nerd_core::robot::{FreeRoot, Mimic};
 use rand::RngExt;
 pub use rand::SeedableRng;
 pub use rand_chacha::ChaCha8Rng as Rng;
@@ -28,7 +28,7 @@ pub fn pose(rng: &mut Rng, scale: f64) -> Isometry3<f64> {
     Isometry3::from_parts(Translation3::from(vector3(rng, scale)), rotation(rng))
 }
 
-/// A body that can be: second moments `a, b, c` of mass along turned axes.
+/// A physically possible body: second moments `a, b, c` of mass along rotated axes.
 pub fn body(rng: &mut Rng) -> BodyInertia {
     let [a, b, c] = [0; 3].map(|_| rng.random_range(0.005..0.05));
     let r = rotation(rng).to_rotation_matrix();
@@ -36,11 +36,22 @@ pub fn body(rng: &mut Rng) -> BodyInertia {
     BodyInertia { mass: rng.random_range(0.5..2.0), com: vector3(rng, 0.2), inertia }
 }
 
+/// Compensates weight of each link, and gives a free root armature and damping.
+pub fn lifted(rng: &mut Rng, robot: &mut Robot) {
+    for link in &mut robot.links {
+        link.lifted = PointMass { mass: rng.random_range(0.0..1.0), at: vector3(rng, 0.2) };
+    }
+    if robot.floating() {
+        robot.free = FreeRoot { armature: 0.3, damping: 0.7 };
+        robot.links[0].arm(0.3);
+    }
+}
+
 /// A random tree with `joints` moving joints of all kinds, with armature, on a fixed or a floating base.
 pub fn robot(rng: &mut Rng, joints: usize, floating: bool) -> Robot {
     let mut robot = Robot::new("random", if floating { Base::Floating } else { Base::Fixed(pose(rng, 1.0)) });
     if floating {
-        robot.links.push(Link { name: "root".into(), parent: None, joint: None, inertia: body(rng), shapes: Vec::new() });
+        robot.links.push(Link::new("root", None, None, body(rng)));
     }
     for k in 0..joints {
         let parent = match robot.links.len() {
@@ -54,7 +65,7 @@ pub fn robot(rng: &mut Rng, joints: usize, floating: bool) -> Robot {
         let axis = Unit::new_normalize(vector3(rng, 1.0) + Vector3::new(0.0, 0.0, 1.1));
         let mut joint = Joint::new(format!("joint{k}"), kind, pose(rng, 0.3), axis);
         joint.armature = rng.random_range(0.0..0.1);
-        robot.links.push(Link { name: format!("link{k}"), parent, joint: Some(joint), inertia: body(rng), shapes: Vec::new() });
+        robot.links.push(Link::new(format!("link{k}"), parent, Some(joint), body(rng)));
     }
     robot
 }
@@ -148,7 +159,7 @@ pub fn urdf(parts: &[String]) -> String {
     format!(r#"<robot name="r">{}</robot>"#, parts.concat())
 }
 
-/// What the refusal of a text says, in one line.
+/// The error message for a refused text, checked to be one line.
 pub fn refusal(text: &str, base: Base) -> String {
     let said = Robot::from_urdf(text, base).expect_err("a refusal").to_string();
     assert!(!said.contains('\n'), "more than one line: {said}");

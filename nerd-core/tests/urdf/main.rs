@@ -1,8 +1,9 @@
-//! What a URDF says, and what becomes of it.
+//! Reading URDFs: content and results.
 
 #[path = "../common/mod.rs"]
 mod common;
 
+mod bodies;
 mod names;
 mod reading;
 mod refusals;

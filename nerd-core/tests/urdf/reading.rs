@@ -1,4 +1,4 @@
-//! What is read, and what is taken for granted where a file is silent.
+//! Content that is read, and assumptions where a file is silent.
 
 use super::{common::*, refusals::ARM};
 
@@ -25,7 +25,7 @@ fn what_a_file_leaves_out_is_taken_for_granted_and_noted() {
     // Links on fixed joints are frames.
     let frames: Vec<_> = robot.frames.iter().map(|f| (f.name.as_str(), f.link)).collect();
     assert_eq!(frames, [("base", None), ("tip", Some(0))]);
-    // A fixed link that no body can be is noted, and harms nothing where the whole is sound.
+    // A fixed link with an impossible inertia is noted, and accepted if the lumped link is sound.
     let odd = link("tip").replace(r#"mass value="1""#, r#"mass value="0""#).replace("\"1\"", "\"-1e-3\"");
     let notes = read(&changed(ARM, r#"<link name="tip"/>"#, &odd)).notes;
     assert!(notes.iter().any(|n| n.contains("link `tip`: inertia is not positive")), "{notes:?}");
@@ -45,8 +45,8 @@ fn a_joint_that_carries_no_mass_is_a_frame_where_nothing_will_be_added() {
     assert_eq!(UrdfRobot::read_alone(ARM, Base::fixed()).expect("a robot"), read(ARM));
 }
 
-/// A follower's limits are its leader's, through `q_b = -2 q_a + 0.1`; where both leave no way, the leader's alone hold. An inertia that no
-/// body has is a note.
+/// A follower's limits become its leader's, through `q_b = -2 q_a + 0.1`; where the two leave no range, the leader's alone hold. An
+/// impossible inertia is noted.
 #[test]
 fn a_follower_narrows_its_leader() {
     let limited =
@@ -78,14 +78,14 @@ fn a_urdf_says_what_follows_what() {
     assert_eq!((robot.nq(), robot.joint_count(), robot.links.len()), (1, 1, 3));
     let c = robot.links[2].joint.as_ref().and_then(|j| j.mimic().copied()).expect("it follows");
     assert!((c.multiplier - 6.0).abs() < 1e-12 && (c.offset - 0.1).abs() < 1e-12 && c.coordinate == 0, "{c:?}");
-    // Dampers act at what they brake: 0.5 (1 + 2^2 + 6^2), dry friction 0.1 (1 + 2 + 6).
+    // Dampers act at the joint they brake: 0.5 (1 + 2^2 + 6^2), dry friction 0.1 (1 + 2 + 6).
     let a = robot.joints().next().expect("a joint");
     assert!((a.damping - 20.5).abs() < 1e-12 && (a.friction - 0.9).abs() < 1e-12, "{} and {}", a.damping, a.friction);
-    // Whole multiples know no turns; others must.
+    // Whole multiples need no count of turns; others do.
     assert!(a.wraps());
     let half = read(&text([r#"<mimic joint="ja" multiplier="0.5"/>"#, ""])).robot;
     assert!(!half.joints().next().expect("a joint").wraps());
-    // What is not there cannot be followed.
+    // A missing joint cannot be followed.
     let alone = read(&text([r#"<mimic joint="nobody"/>"#, ""]));
     assert_eq!(alone.robot.joint_count(), 3);
     assert!(alone.notes[0].contains("joint `jb`: <mimic> of `nobody`, which is not there"), "{:?}", alone.notes);
@@ -102,7 +102,7 @@ fn a_urdf_says_what_follows_what() {
 
 #[test]
 fn what_things_look_like_is_not_looked_at() {
-    // urdf-rs wants a file's name of every texture; comments stay whole, whatever is in them.
+    // urdf-rs requires a file name for every texture; comments stay whole, whatever is in them.
     let weld = joint("j", "fixed", "tip", "l", "");
     for extra in [
         r#"<material name="a"><texture/></material>"#.into(),
@@ -110,7 +110,7 @@ fn what_things_look_like_is_not_looked_at() {
         format!(
             r#"<link name="l"><visual><geometry><sphere radius="1"/></geometry><material name=""><texture /></material></visual></link>{weld}"#
         ),
-        // Quotes, comments and CDATA may hold what looks like the end of something.
+        // Quotes, comments and CDATA may hold text that looks like the end of an element.
         format!(
             r#"<material name="a>b"/><link name="l"/>{weld}<material name="</material>"><texture filename='<material>'/></material>
             <!-- "</material> --><material name='"'/>"#

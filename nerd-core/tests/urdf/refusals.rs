@@ -97,7 +97,7 @@ fn a_misspelt_word_is_no_other_robot() {
     assert!(refusal(&inertial, Base::fixed()).contains("<inertial>"));
 }
 
-/// Files leave out what nothing here needs, and say some things twice.
+/// Files may leave out elements that are not needed, and repeat others.
 #[test]
 fn what_is_not_needed_may_be_missing_or_said_twice() {
     for (from, to) in [

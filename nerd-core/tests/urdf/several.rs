@@ -1,4 +1,4 @@
-//! Joints of more than one DoF against what they are made of.
+//! Joints of more than one DoF compared with their component joints.
 
 use std::f64::consts::FRAC_PI_2;
 
@@ -26,7 +26,7 @@ fn a_planar_joint_is_a_puck_on_a_table() {
     let (m, d, inertia) = (2.0, 0.3, 0.2);
     let (q, qd, mut data) = ([0.4, -0.7, 0.9f64], [1.0, -2.0, 3.0], Data::new(&robot));
     let (sin, cos) = q[2].sin_cos();
-    // Kinetic energy of a puck, by hand; what turns needs a force towards the middle, and nothing else.
+    // Kinetic energy of a puck, by hand; its rotation needs a force towards the middle, and nothing else.
     let by_hand = [m, 0.0, -m * d * sin, 0.0, m, m * d * cos, -m * d * sin, m * d * cos, inertia + m * d * d];
     assert!(gap(data.mass_matrix(&robot, &q).as_slice(), &by_hand) < 1e-14, "{}, {by_hand:?} by hand", data.mass_matrix(&robot, &q));
     let needed = [-m * d * cos * qd[2] * qd[2], -m * d * sin * qd[2] * qd[2], 0.0];

@@ -1,18 +1,21 @@
-//! Policies carried elsewhere: exported as ONNX with a contract, and played in MuJoCo by somebody else's runtime from these alone, beside the
-//! same games in the truth.
+//! Policies carried to MuJoCo (sim-to-sim): exported as ONNX with a contract, and played there by somebody else's runtime from these alone,
+//! beside the same games in the truth.
 
 use nerd_tasks::named;
-use nerd_train::{onnx, ppo::folder, shipped::from_root};
+use nerd_train::{onnx, ppo::Policy, ppo::folder, shipped::from_root};
 
 use super::games::{Reward, depend, games};
 use super::policies::{Policies, short};
-use crate::{mujoco::player, prelude::*};
+use crate::mujoco::player::{self, Model, Played};
+use crate::{mujoco::Settings, prelude::*};
 
 settings! {
     /// Policies by their ONNX and contract alone, in MuJoCo.
     pub struct Carried {
         /// Folders of policies, comma-separated [default: all in models/policies]
         policy: Vec<PathBuf> = Vec::new(), Texts;
+        /// Contact and solver of MuJoCo: those of the robot's MJCF (file), our contact translated (ours), or one after the other (both)
+        settings: String = "both".into(), Words(&["both", "file", "ours"]);
         /// Python that has mujoco, numpy and onnxruntime
         mujoco: PathBuf = "python3".into(), Text;
         /// Games of each policy
@@ -22,16 +25,37 @@ settings! {
     }
 }
 
+const FILE: &str = "MuJoCo, file";
+const OURS: &str = "MuJoCo, ours";
+
+/// Games of a policy in one simulator, and of one that keeps still.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     pub task: String,
     pub policy: String,
+    pub simulator: String,
+    pub reward: Reward,
+    pub still: Reward,
+    /// (reward - keeps still) / (the truth's - keeps still); none where the truth's policy earns no more than one that keeps still.
+    pub share: Option<f64>,
+    /// Games that ended in a terminal state.
+    pub fallen: usize,
+    /// In MuJoCo.
+    pub there: Option<There>,
+}
+
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct There {
     pub versions: String,
-    pub truth: Reward,
-    pub mujoco: Reward,
-    /// Games that ended in a terminal state, there and in the truth.
-    pub fallen: [usize; 2],
     pub apart: player::Gaps,
+    pub settings: Settings,
+}
+
+/// A policy, or one whose actions are 0, with its model and contract in a folder.
+struct Exported {
+    policy: Policy,
+    onnx: PathBuf,
+    contract: onnx::Contract,
 }
 
 impl Carried {
@@ -39,24 +63,93 @@ impl Carried {
         Policies { policy: self.policy.clone(), ..Policies::default() }.folders()
     }
 
-    /// None of a policy that its contract alone cannot carry, which is said.
-    fn row(&self, path: &Path) -> Result<Option<Row>> {
+    /// A policy's rows; empty, with a note, if its contract alone does not suffice to play it in MuJoCo.
+    fn rows(&self, path: &Path) -> Result<Vec<Row>> {
         let (folder::PolicyConfig { task, .. }, policy) = folder::load(path)?;
         let (own, temporary) = (named(&task)?, tempfile::tempdir()?);
-        let model = temporary.path().join("policy.onnx");
-        let contract = onnx::export(&policy, &*own, &model)?;
-        if let (Some(unknown), true) = (contract.unknown().first(), self.policy.is_empty()) {
+        let still = Policy { flat: vec![0.0; policy.flat.len()], ..policy.clone() };
+        let export = |policy: Policy, name: &str| -> Result<Exported> {
+            let onnx = temporary.path().join(name);
+            Ok(Exported { contract: onnx::export(&policy, &*own, &onnx)?, onnx, policy })
+        };
+        let both = [export(policy, "policy.onnx")?, export(still, "still.onnx")?];
+        if let (Some(unknown), true) = (both[0].contract.unknown().first(), self.policy.is_empty()) {
             tell!("{} is left out: {unknown}", from_root(path));
-            return Ok(None);
+            return Ok(Vec::new());
+        }
+        let file = mjcf_of(own.robot());
+        if file.is_none() && self.settings != "ours" {
+            let said =
+                format!("{}: `{}` is no MJCF, which would have contact and solver settings of its own", from_root(path), own.robot());
+            if self.settings == "file" {
+                bail!("{said}; leave --settings file out");
+            }
+            tell!("{said}: it is played with ours alone");
         }
         let arena = Arena::Truth(Truth::Articulated);
-        let there = player::play(&self.mujoco, &model, &contract, &policy, arena.episodes(&task, self.games, self.seed)?)?;
-        let here = games(&task, &arena, &policy, self.games, self.seed)?;
+        let mut rows = Vec::new();
+        let mut add = |simulator: &str, [games, still]: [Vec<nerd_train::ppo::Game>; 2], fallen: usize, there: Option<There>| {
+            let (reward, still) = (Reward::of(&games), Reward::of(&still));
+            let beyond = |row: &Row| row.reward.mean - row.still.mean;
+            let row =
+                Row { task: task.clone(), policy: from_root(path), simulator: simulator.into(), reward, still, share: None, fallen, there };
+            let most = beyond(rows.first().unwrap_or(&row));
+            rows.push(Row { share: (most > 0.0).then(|| beyond(&row) / most), ..row });
+        };
+        let here = both.each_ref().map(|own| games(&task, &arena, &own.policy, self.games, self.seed));
+        let [here, stood] = here.into_iter().collect::<Result<Vec<_>>>()?.try_into().unwrap_or_default();
         let ended = here.iter().filter(|game| game.length < own.episode_length() as f64).count();
-        let player::Played { versions, games, fallen, apart } = there;
-        let (truth, mujoco, policy) = (Reward::of(&here), Reward::of(&games), from_root(path));
-        Ok(Some(Row { policy, versions, truth, mujoco, fallen: [fallen, ended], apart, task }))
+        add("truth", [here, stood], ended, None);
+        let models = [("file", FILE, file.as_deref().map(Model::File)), ("ours", OURS, Some(Model::Ours))];
+        for (word, simulator, model) in models {
+            let Some(model) = model.filter(|_| self.settings == word || self.settings == "both") else { continue };
+            let play = |own: &Exported| {
+                let episodes = arena.episodes(&task, self.games, self.seed)?;
+                player::play(&self.mujoco, model, &own.onnx, &own.contract, &own.policy, episodes)
+            };
+            match play(&both[0]).and_then(|played| Ok((played, play(&both[1])?))) {
+                Ok((Played { versions, games, fallen, apart, settings }, still)) => {
+                    let there = There { versions, apart, settings };
+                    add(simulator, [games, still.games], fallen, Some(there));
+                }
+                // The other may be played all the same.
+                Err(error) if self.settings == "both" && file.is_some() => {
+                    tell!("{}: not played with --settings {word}: {error}", from_root(path))
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        if rows.len() < 2 {
+            bail!("{}: it was not played in MuJoCo", from_root(path));
+        }
+        Ok(rows)
     }
+}
+
+/// The robot's file, if it is an MJCF.
+fn mjcf_of(robot: &str) -> Option<PathBuf> {
+    let text = nerd_sim::files::read_text(Path::new(robot)).ok()?;
+    nerd_sim::mjcf::is_mjcf(&text).then(|| robot.into())
+}
+
+/// What differs between MuJoCo with the settings of a policy's file and with ours, in a line for each policy; of one that was played with those of
+/// the file alone all of them.
+fn differences(rows: &[Row]) -> String {
+    let line = |k: usize| {
+        let settings = |row: &Row| row.there.as_ref().map(|there| there.settings.clone());
+        let own = rows.get(k).filter(|row| row.simulator == FILE)?;
+        let (file, name) = (settings(own)?, short(&own.policy));
+        let ours = rows.get(k + 1).filter(|row| row.policy == own.policy).and_then(settings);
+        let (what, mut list) = match &ours {
+            Some(ours) => ("of the file and ours", file.differences(ours)),
+            None => ("of the file", file.list()),
+        };
+        let guessed = ours.is_some_and(|ours| ours.armature != file.armature);
+        list.extend(guessed.then(|| "armature that the file does not have is the .toml's".into()));
+        list.extend((file.ground != "its own").then(|| format!("ground {}", file.ground)));
+        Some(format!(" Settings of {name}, {what}: {}.", list.join("; ")))
+    };
+    (0..rows.len()).filter_map(line).collect()
 }
 
 impl Experiment for Carried {
@@ -70,18 +163,24 @@ impl Experiment for Carried {
     }
 
     fn measure(&self) -> Result<Measured> {
-        let rows = self.folders()?.iter().filter_map(|path| self.row(path).transpose()).collect::<Result<Vec<Row>>>()?;
-        let header = ["policy", "truth", "MuJoCo by ONNX", "share", "falls (MuJoCo, truth)", "observation", "action", "torque"];
+        let rows = self.folders()?.iter().map(|path| self.rows(path)).collect::<Result<Vec<_>>>()?.concat();
+        let header = ["policy", "simulator", "reward", "keeps still", "share", "falls", "observation", "action", "torque"];
         let line = |r: &Row| {
             let word = |r: &Reward| format!("{:.1} +- {:.1}", r.mean, r.standard_error);
-            let apart = [r.apart.observation, r.apart.action, r.apart.torque].map(|x| format!("{x:.0e}"));
-            let share = format!("{:.1} %", 100.0 * r.mujoco.mean / r.truth.mean);
-            let falls = format!("{}, {} of {}", r.fallen[0], r.fallen[1], self.games);
-            [short(&r.policy), word(&r.truth), word(&r.mujoco), share, falls].into_iter().chain(apart).collect()
+            let share = r.share.map_or_else(|| "-".into(), |share| format!("{:.1} %", 100.0 * share));
+            let falls = format!("{} of {}", r.fallen, self.games);
+            let gaps = r.there.as_ref().map_or([None; 3], |there| {
+                let player::Gaps { observation, action, torque } = there.apart;
+                [Some(observation), Some(action), (there.settings.control == "torques").then_some(torque)]
+            });
+            let gaps = gaps.map(|gap| gap.map_or_else(|| "-".into(), |x| format!("{x:.0e}")));
+            [short(&r.policy), r.simulator.clone(), word(&r.reward), word(&r.still), share, falls].into_iter().chain(gaps).collect()
         };
-        let note = "Mean reward of a game under mean actions. Share: MuJoCo's of the truth's. Observation, action, torque: largest difference \
-                    between what the contract's player made of MuJoCo's states and what task and policy make of them, of the largest number.";
-        let table = Table::new("carried", &header).with(rows.iter().map(line)).noted(note);
+        let note = "Mean reward of a game under mean actions, and of a robot that keeps still (all actions 0). Share: (reward - keeps still) / \
+                    (the truth's - keeps still). MuJoCo, file: the robot's MJCF with its own contact, solver and actuators; MuJoCo, ours: our \
+                    contact translated. Observation, action, torque: largest difference between what the contract's player made of MuJoCo's \
+                    states and what task and policy make of them, of the largest number.";
+        let table = Table::new("carried", &header).with(rows.iter().map(line)).noted(&(note.to_string() + &differences(&rows)));
         Measured::new(&serde_json::json!({ "rows": rows }), vec![table])
     }
 }

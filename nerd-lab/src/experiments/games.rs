@@ -120,7 +120,7 @@ fn scene(task: &str, robot: &str) -> Result<String> {
     Ok(if known { task.scene() } else { "plane" }.into())
 }
 
-/// Plays so many games of a task under mean actions. Games of the same seed begin alike, wherever they are played.
+/// Plays `n` episodes of a task under mean actions. Episodes of the same seed begin alike, on any engine.
 pub fn games(task: &str, arena: &Arena, policy: &Policy, n: usize, seed: u64) -> Result<Vec<Game>> {
     if n == 0 {
         bail!("--games 0: at least one is needed");

@@ -40,7 +40,9 @@ impl Act {
             Self::Alone(simulation) => {
                 let (n, rest) = (simulation.batch.len(), vec![0.0; joints]);
                 let mut torques = vec![0.0; n * joints];
+                simulation.batch.servo = false;
                 if let (Some(law), true) = (law, joints > 0) {
+                    law.servo = simulation.serve();
                     torques
                         .chunks_exact_mut(joints)
                         .enumerate()

@@ -20,7 +20,7 @@ pub(super) struct Hand {
 }
 
 impl Hand {
-    /// Its push at the first robot of a batch before so many seconds: the impulse (N s). None where the mass matrix cannot be solved.
+    /// Its push at the first robot of a batch over the next `dt` seconds: the impulse (N s). None where the mass matrix cannot be solved.
     pub fn pull(&self, batch: &mut Batch, dt: f64) -> Option<Vector3<f64>> {
         let mass: f64 = batch.system.robot.links.iter().map(|l| l.inertia.mass).sum();
         // p = dt m (k (target - x - dt v') - c v') with v' = v + G p, for p.

@@ -15,7 +15,7 @@ pub struct Menu {
     pub robots: Vec<String>,
     pub scenes: Vec<String>,
     pub policies: Vec<PathBuf>,
-    /// Folders of models, beside that of `models/ROBOT`.
+    /// Folders of models, besides `models/ROBOT`.
     #[serde(skip)]
     pub models: Vec<PathBuf>,
     pub robot: usize,

@@ -7,6 +7,7 @@ mod act;
 mod ask;
 mod crowd;
 mod hand;
+mod http;
 mod menu;
 mod server;
 mod world;

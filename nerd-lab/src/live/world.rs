@@ -218,6 +218,7 @@ impl World {
         for (simulation, solver) in simulations.into_iter().zip(solvers).filter_map(|(simulation, solver)| Some((simulation?, solver))) {
             let mut system = (*simulation.batch.system).clone();
             system.spec.material.friction = friction;
+            system.one_friction = Some(friction);
             (simulation.batch.system, simulation.solver) = (system.into(), solver);
             alter(&mut simulation.batch, |scene| scene.colliders.iter_mut().for_each(|body| body.material.friction = friction));
         }

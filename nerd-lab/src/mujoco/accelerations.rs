@@ -1,4 +1,4 @@
-//! Accelerations of a robot as its file is read here beside those of MuJoCo, which reads the same file.
+//! Compares a robot's accelerations, as its file is read here, with MuJoCo's from the same file.
 
 use std::f64::consts::PI;
 
@@ -10,17 +10,19 @@ use serde_json::json;
 use super::referee::{Python, REFEREE, to_mujoco};
 use crate::prelude::*;
 
-/// Largest difference of accelerations over `count` random states, of the largest acceleration of its state. Contact, limits, dry friction and
-/// actuators are off; joints that follow others follow them in MuJoCo, too, which is asked along our coordinates. A URDF is written as MJCF
-/// first.
-pub fn apart(python: &Path, path: &Path, count: u64) -> Result<f64> {
-    let system = System::named(&path.display().to_string())?;
+/// Accelerations below this (m/s^2, rad/s^2) in both are rounding.
+const NONE: f64 = 1e-9;
+
+/// Largest difference of accelerations of a robot read from `path` over `count` random states, of the largest acceleration of its state, or
+/// where nothing accelerates the difference itself (m/s^2, rad/s^2). Contact, limits, dry friction and actuators are off; joints that follow
+/// others follow them in MuJoCo, too, which is asked along our coordinates. A URDF is written as MJCF first.
+pub fn apart(python: &Path, path: &Path, system: &System, count: u64) -> Result<f64> {
     let robot = &system.robot;
     let mut python = Python::start(python, REFEREE)?;
     let mut model = json!({ "frame_time": 0.0, "frames": 0, "starts": [] });
     match path.extension().is_some_and(|ending| ending == "xml") {
         true => model["path"] = json!(path),
-        false => model["mjcf"] = json!(nerd_sim::mjcf::mjcf(&system, &*system.scene("free")?, &[])?),
+        false => model["mjcf"] = json!(nerd_sim::mjcf::mjcf(system, &*system.scene("free")?, &[])?),
     }
     python.ask::<String>(&model)?;
     let states: Vec<_> = (0..count).map(|k| state(robot, k)).collect();
@@ -42,9 +44,10 @@ pub fn apart(python: &Path, path: &Path, count: u64) -> Result<f64> {
     let theirs: Vec<Vec<f64>> = python.ask(&json!({ "accelerate": theirs.collect::<Vec<_>>(), "along": rows }))?;
     let mut worst = 0.0f64;
     for (state, theirs) in states.iter().zip(theirs) {
-        let ours = accelerations(&system, state)?;
+        let ours = accelerations(system, state)?;
         let gap = ours.iter().zip(&theirs).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        worst = worst.max(gap / theirs.iter().map(|x| x.abs()).fold(1e-9, f64::max));
+        let [own, size] = [&ours, &theirs].map(|all| all.iter().map(|x| x.abs()).fold(0.0, f64::max));
+        worst = worst.max(if own.max(size) < NONE { gap } else { gap / size.max(NONE) });
     }
     Ok(worst)
 }
@@ -66,7 +69,7 @@ fn state(robot: &Robot, k: u64) -> Vec<f64> {
     state
 }
 
-/// In MuJoCo's form: of a free root that of its place, and in its own axes that of its turn.
+/// In MuJoCo's form: a free root's linear acceleration in world axes, its angular acceleration in the root's own axes.
 fn accelerations(system: &System, state: &[f64]) -> Result<Vec<f64>> {
     let (robot, (q, twist)) = (&system.robot, system.robot.split(state));
     let local = twist.to_local(robot, q);

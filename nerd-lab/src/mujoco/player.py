@@ -1,9 +1,10 @@
 """Plays an exported policy in MuJoCo for `nerd_lab::mujoco::Player`. Of the policy it knows its ONNX and its contract, nothing else.
 
-JSON in, JSON out, a line each: `answer`, or `error`. First line: the `onnx` file, its `contract`, `mjcf` or the `path` of one, `substeps` a
-frame, `starts`, one an episode, as [qpos, qvel] of a free root, then of the contract's joints; the answer is versions. Every other line is one
-step of the episodes that are `live`, each with its `goal`; the answer is, by episode, the observation, the action, and by frame the torques of
-the contract's joints and the state that they led to, null once MuJoCo has given it up.
+JSON in, JSON out, a line each: `answer`, or `error`. First line: the `onnx` file, its `contract`, `mjcf` with the `substeps` of a frame, or the
+`path` of one that keeps its own settings and the `planes` of the task's `scene`; `starts`, one an episode, as [qpos, qvel] of a free root, then
+of the contract's joints; the answer is versions. Every other line is one step of the episodes that are `live`, each with its `goal`; the answer
+is, by episode, the observation, the action, and by frame the torques of the contract's joints and the state that they led to, null once MuJoCo
+has given it up. Without `live` the answer is the settings that it played by.
 """
 
 import json
@@ -39,24 +40,19 @@ def main():
     except ImportError as error:
         return say(f"{error}; name a Python that has mujoco, numpy and onnxruntime", "error")
     mujoco.set_mju_user_warning(lambda text: None)
-    contract, path, substeps = request["contract"], request.get("path"), request["substeps"]
+    contract = request["contract"]
     with open(request["onnx"], "rb") as file:
         network = file.read()
     if hashlib.sha256(network).hexdigest() != contract["onnx_sha256"]:
         return say("the ONNX is not the one of the contract", "error")
     session = onnxruntime.InferenceSession(network, providers=["CPUExecutionProvider"])
-    model = mujoco.MjModel.from_xml_path(path) if path else mujoco.MjModel.from_xml_string(request["mjcf"])
-    model.opt.timestep = contract["frame_time"] / substeps
-    floating = model.njnt > 0 and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE
-    ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) for name in contract["joints"]]
-    if -1 in ids:
-        return say(f"the model has no joint {contract['joints'][ids.index(-1)]}", "error")
-    joint = dict(zip(contract["joints"], ids))
-    place = list(range(7 if floating else 0)) + [int(model.jnt_qposadr[k]) for k in ids]
-    rate = list(range(6 if floating else 0)) + [int(model.jnt_dofadr[k]) for k in ids]
+    robot = Model(mujoco, request)
+    model, joint, place, rate = robot.model, robot.joint, robot.place, robot.rate
+    at, dof = robot.root or (0, 0)
     bad = [getattr(mujoco.mjtWarning, "mjWARN_BAD" + what) for what in ("QPOS", "QVEL", "QACC")]
     endless = {name: not model.jnt_limited[k] and model.jnt_type[k] == mujoco.mjtJoint.mjJNT_HINGE for name, k in joint.items()}
-    law, ahead = contract["law"], contract["law"].get("ahead", False)
+    law, ahead, servo = contract["law"], contract["law"].get("ahead", False), contract["law"].get("servo", False)
+    frame, timestep = contract["frame_time"], model.opt.timestep
     axes = "xyz"
 
     def q(data, name):
@@ -65,33 +61,33 @@ def main():
     def qd(data, name):
         return float(data.qvel[model.jnt_dofadr[joint[name]]])
 
-    def quantity(data, what, of, goal, past):
+    def quantity(data, what, of, goal, past, time):
         if what in ("last action", "action before last"):
             return past[what == "action before last"][int(of)]
         if what == "constant":
             return 0.0
         if what == "time since the episode began":
-            return data.time
+            return time
         if what == "goal":
             return goal[int(of)]
         if what == "goal from root position":
             k, axis = of.split()
-            return goal[int(k)] - data.qpos[axes.index(axis)]
+            return goal[int(k)] - data.qpos[at + axes.index(axis)]
         if what.startswith("root"):
-            rows = turned(*data.qpos[3:7])
+            rows = turned(*data.qpos[at + 3 : at + 7])
             body = [[row[k] for row in rows] for k in range(3)]
             along = lambda matrix, x: [sum(a * b for a, b in zip(row, x)) for row in matrix]
             if what == "root quaternion":
-                return data.qpos[3 + "wxyz".index(of)]
+                return data.qpos[at + 3 + "wxyz".index(of)]
             if what == "root axis along world axis":
                 own, world = of.split()
                 return rows[axes.index(world)][axes.index(own)]
             vector = {
-                "root position": lambda: data.qpos[:3],
-                "root velocity": lambda: data.qvel[:3],
-                "root angular velocity": lambda: along(rows, data.qvel[3:6]),
-                "root velocity in its axes": lambda: along(body, data.qvel[:3]),
-                "root angular velocity in its axes": lambda: data.qvel[3:6],
+                "root position": lambda: data.qpos[at : at + 3],
+                "root velocity": lambda: data.qvel[dof : dof + 3],
+                "root angular velocity": lambda: along(rows, data.qvel[dof + 3 : dof + 6]),
+                "root velocity in its axes": lambda: along(body, data.qvel[dof : dof + 3]),
+                "root angular velocity in its axes": lambda: data.qvel[dof + 3 : dof + 6],
             }[what]
             return vector()[axes.index(of)]
         return {
@@ -102,8 +98,8 @@ def main():
             "cosine of joint position": lambda: math.cos(q(data, of)),
         }[what]()
 
-    def observe(data, goal, past):
-        return [s["scale"] * float(quantity(data, s["quantity"], s["of"], goal, past)) + s["offset"] for s in contract["observation"]]
+    def observe(data, goal, past, time):
+        return [s["scale"] * float(quantity(data, s["quantity"], s["of"], goal, past, time)) + s["offset"] for s in contract["observation"]]
 
     def torques(data, action):
         """By joint of the contract."""
@@ -118,7 +114,7 @@ def main():
             gap = a["scale"] * x if law["relative"] else a["default"] + a["scale"] * x - now
             gaps[name] = [wrap(gap) if endless[name] and not law["relative"] else gap, qd(data, name)]
         if ahead:
-            h, mass = contract["frame_time"], numpy.zeros((model.nv, model.nv))
+            h, mass = frame, numpy.zeros((model.nv, model.nv))
             mujoco.mj_forward(model, data)
             for k, unit in enumerate(numpy.eye(model.nv)):
                 mujoco.mj_mulM(model, data, mass[k], unit)
@@ -134,7 +130,8 @@ def main():
                 pair[1] += h * acceleration
         for a in contract["action"]:
             gap, speed = gaps[a["joint"]]
-            most = math.inf if a["torque"] is None else a["torque"]
+            # A servo is asked without its bounds.
+            most = math.inf if servo or a["torque"] is None else a["torque"]
             tau[a["joint"]] = min(max(a["kp"] * gap - a["kd"] * speed, -most), most)
         return tau
 
@@ -142,11 +139,32 @@ def main():
     for start in request["starts"]:
         data = mujoco.MjData(model)
         data.qpos[place], data.qvel[rate] = start[: len(place)], start[len(place) :]
-        games.append([data, [], [[0.0] * len(contract["action"])] * 2])
+        robot.follow(data)
+        games.append([data, [], [[0.0] * len(contract["action"])] * 2, [0]])
     say(f"MuJoCo {mujoco.__version__}, onnxruntime {onnxruntime.__version__}")
 
-    def step(data, frames, past, goal):
-        seen = observe(data, goal, past)
+    def drive(data, action, tau):
+        """Sets targets of the file's own actuators, or the torques of the contract."""
+        data.qfrc_applied[:] = 0.0
+        for a, x in zip(contract["action"], action):
+            if a["joint"] in robot.actuators:
+                (k, gear), now, target = robot.actuators[a["joint"]], q(data, a["joint"]), a["default"] + a["scale"] * x
+                data.ctrl[k] = gear * (now + wrap(target - now) if endless[a["joint"]] else target)
+        for name, x in tau.items():
+            if name not in robot.actuators:
+                data.qfrc_applied[model.jnt_dofadr[joint[name]]] = x
+
+    def serve(data, action):
+        """Servos that the file has not, at each of its steps; what they damp is the joints' own damping, which MuJoCo takes at a step's end."""
+        tau = torques(data, action)
+        for a in contract["action"]:
+            most, damped = math.inf if a["torque"] is None else a["torque"], a["kd"] * qd(data, a["joint"])
+            tau[a["joint"]] = min(max(tau[a["joint"]], -most), most) + damped
+        drive(data, action, tau)
+        mujoco.mj_step(model, data)
+
+    def step(data, frames, past, passed, goal):
+        seen = observe(data, goal, past, passed[0] * frame)
         # The newest first; what was before an episode counts as its first.
         frames[:] = ([seen] + frames if frames else [seen] * contract["observations_seen"])[: contract["observations_seen"]]
         given = numpy.array(frames if len(frames) > 1 else seen, dtype=numpy.float32)[None]
@@ -155,18 +173,27 @@ def main():
         then = []
         for _ in range(contract["frames_per_action"]):
             tau = torques(data, action)
-            data.qfrc_applied[:] = 0.0
-            for name, x in tau.items():
-                data.qfrc_applied[model.jnt_dofadr[joint[name]]] = x
-            mujoco.mj_step(model, data, nstep=substeps)
+            # A file's own steps need not end with a frame: the nearest one before does.
+            before, after = (math.floor(n * frame / timestep + 1e-6) for n in (passed[0], passed[0] + 1))
+            if servo and not robot.actuators:
+                for _ in range(after - before):
+                    serve(data, action)
+            else:
+                drive(data, action, tau)
+                mujoco.mj_step(model, data, nstep=after - before)
+            passed[0] += 1
             state = data.qpos[place].tolist() + data.qvel[rate].tolist()
             fine = all(abs(x) < 1e10 for x in state) and not any(data.warning[kind].number for kind in bad)
             then.append([list(tau.values()), state if fine else None])
+        robot.watch(data)
         return [seen, action, then]
 
     for line in sys.stdin:
         asked = json.loads(line)
-        say([step(*games[k], goal) for k, goal in zip(asked["live"], asked["goals"])])
+        if "live" in asked:
+            say([step(*games[k], goal) for k, goal in zip(asked["live"], asked["goals"])])
+        else:
+            say(robot.settings())
 
 
 try:

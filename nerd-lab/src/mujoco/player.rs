@@ -1,6 +1,6 @@
-//! An exported policy at play in MuJoCo: the child has its ONNX, its contract and the robot as MJCF, and makes observations, actions and
-//! torques of its own. What comes back goes through the task here, so that rewards and falls are the task's own, and observations and torques
-//! are held against what the task says of the same states.
+//! An exported policy at play in MuJoCo, sim-to-sim: the child has its ONNX, its contract and the robot as MJCF, and makes observations, actions
+//! and torques of its own. What comes back goes through the task here, so that rewards and falls are the task's own, and observations and
+//! torques are compared with what the task says of the same states.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -11,12 +11,22 @@ use nerd_train::ppo::{Game, Policy};
 use serde_json::json;
 
 use super::referee::{Python, from_mujoco, to_mujoco};
+use super::settings::Settings;
 use crate::prelude::*;
 
 /// Length of a step of MuJoCo (s): our contact is stiff on light links, which at half a millisecond already fly off.
 const STEP: f64 = 1e-4;
 
-const PLAYER: &str = include_str!("player.py");
+const PLAYER: &str = concat!(include_str!("model.py"), include_str!("player.py"));
+
+/// The model that MuJoCo plays with.
+#[derive(Clone, Copy, Debug)]
+pub enum Model<'a> {
+    /// Written by us, with our contact translated.
+    Ours,
+    /// The robot's MJCF as it is, with its own contact and solver settings, actuators and ground.
+    File(&'a Path),
+}
 
 #[derive(Clone, Debug, Default)]
 pub struct Played {
@@ -24,7 +34,8 @@ pub struct Played {
     pub games: Vec<Game>,
     /// Games that ended in a terminal state.
     pub fallen: usize,
-    /// Largest difference of what was observed there from what the task observes, of actions from the policy's own at what it observes,
+    pub settings: Settings,
+    /// Largest differences of MuJoCo's observations from the task's, of actions from the policy's own at the task's observations,
     /// and of torques from the task's, in units of the largest of its kind.
     pub apart: Gaps,
 }
@@ -36,7 +47,7 @@ pub struct Gaps {
     pub torque: f64,
 }
 
-/// Torques and the state that they led to, by environment; none of one that is not played any more, or was given up.
+/// Torques and the state that they led to, by environment; `None` where the episode has ended or was given up.
 type Frame = Vec<Option<(Vec<f64>, Option<Vec<f64>>)>>;
 
 /// What of the child's frames has not been stepped through yet, and how far torques were apart.
@@ -52,7 +63,10 @@ struct Hearsay(Arc<Mutex<Heard>>, Vec<f64>);
 impl Solver for Hearsay {
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> std::result::Result<(), StepError> {
         let mut faults = Vec::new();
-        check(batch, torques, &mut faults)?;
+        let servo = std::mem::replace(&mut batch.servo, false);
+        let checked = check(batch, torques, &mut faults);
+        batch.servo = servo;
+        checked?;
         let mut heard = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let Some(frame) = heard.frames.pop_front() else {
             return Err(StepError::Solver("MuJoCo played fewer frames than a step has".into()));
@@ -69,6 +83,19 @@ impl Solver for Hearsay {
         }
         commit(batch, &mut self.1, &mut faults)
     }
+
+    /// Servos are MuJoCo's.
+    fn capabilities(&self) -> Capabilities {
+        Capabilities { drives: true, ..Capabilities::default() }
+    }
+}
+
+/// A plane as a geom, and as it is compared with one.
+fn ground(plane: &Plane) -> serde_json::Value {
+    let turn = UnitQuaternion::rotation_between(&Vector3::z(), &plane.normal)
+        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
+    let place = plane.normal * plane.offset;
+    json!({ "pos": place.as_slice(), "quat": [turn.w, turn.i, turn.j, turn.k], "normal": plane.normal.as_slice(), "offset": plane.offset })
 }
 
 /// Largest difference, of the largest number of the first, at least 1.
@@ -77,18 +104,27 @@ fn gap(ours: &[f64], theirs: &[f64]) -> f64 {
     ours.iter().zip(theirs).map(|(a, b)| (a - b).abs() / most).fold(0.0, f64::max)
 }
 
-/// Plays one episode of each of `episodes`, of an analytic solver or none yet stepped, by the model in the file `onnx`; they begin as they do.
-pub fn play(python: &Path, onnx: &Path, contract: &Contract, policy: &Policy, mut episodes: Episodes) -> Result<Played> {
+/// Plays one episode of each of `episodes`, of an analytic solver or none yet stepped, by the policy in the file `onnx`; they begin as they do.
+pub fn play(python: &Path, model: Model, onnx: &Path, contract: &Contract, policy: &Policy, mut episodes: Episodes) -> Result<Played> {
     if let Some(unknown) = contract.unknown().first() {
         bail!("a policy of `{}` cannot be played by its contract alone: {unknown}; `policy evaluate` plays it here", contract.task);
     }
     let (batch, n) = (&episodes.simulation.batch, episodes.len());
     let (robot, joints) = (batch.system.robot.clone(), batch.system.robot.joint_count());
     let starts: Vec<_> = (0..n).map(|env| to_mujoco(&robot, batch.state(env))).collect();
-    let mjcf = nerd_sim::mjcf::mjcf_of_our_contact(&batch.system, &batch.scenes[0])?;
-    let substeps = (batch.system.frame_time / STEP).ceil() as usize;
+    let mut first = json!({ "onnx": onnx, "contract": contract, "starts": starts });
+    match model {
+        Model::Ours => {
+            first["mjcf"] = json!(nerd_sim::mjcf::mjcf_of_our_contact(&batch.system, &batch.scenes[0])?);
+            first["substeps"] = json!((batch.system.frame_time / STEP).ceil());
+        }
+        Model::File(path) => {
+            let planes = batch.scenes[0].colliders.iter().filter_map(|collider| collider.plane.as_ref()).map(ground);
+            (first["path"], first["scene"]) = (json!(path), json!(batch.scenes[0].name));
+            first["planes"] = planes.collect();
+        }
+    }
     let mut python = Python::start(python, PLAYER)?;
-    let first = json!({ "onnx": onnx, "contract": contract, "mjcf": mjcf, "substeps": substeps, "starts": starts });
     let mut played = Played { versions: python.ask(&first)?, ..Played::default() };
     let heard = Arc::new(Mutex::new(Heard::default()));
     episodes.simulation.solver = Box::new(Hearsay(heard.clone(), Vec::new()));
@@ -130,6 +166,7 @@ pub fn play(python: &Path, onnx: &Path, contract: &Contract, policy: &Policy, mu
         bar.set(step);
     }
     bar.finish();
+    played.settings = python.ask(&json!({}))?;
     played.apart.torque = heard.lock().unwrap_or_else(PoisonError::into_inner).torque;
     played.games = games.into_iter().flatten().collect();
     Ok(played)

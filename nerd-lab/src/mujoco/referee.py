@@ -3,8 +3,9 @@
 JSON in, JSON out, a line each: `answer`, or `error`. First line: `mjcf` or the `path` of one, `frame_time` (s), `frames`, `starts` as
 [qpos, qvel]; the answer is MuJoCo's version. Every other line is a setting, an `integrator`, its `substeps` a frame, and whether it is `timed`; the answer is the states
 at frame ends, [frame][start], null once MuJoCo has given one up, and the seconds of the fastest run. Or it is states to `accelerate` freely (without contact, limits, dry friction, equalities
-and actuators), velocities kept to columns of the matrix `along`; the answer is qacc, along them. A timed run is one call a start with all frames in it, so that nothing of Python is in its
-time, and must end where the recorded one did.
+and actuators), velocities kept to columns of the matrix `along`; the answer is qacc, along them. Or it is a state to `stand` from for `steps` of `frame_time`, joints held at `target`s
+by gains `kp` and `kd` and actuators off; the answer is the last state, null once MuJoCo has given it up; with `floor`, a file in whose world nothing touches gets a plane.
+A timed run is one call a start with all frames in it, so that nothing of Python is in its time, and must end where the recorded one did.
 """
 
 import json
@@ -28,6 +29,12 @@ def main():
     mujoco.set_mju_user_warning(lambda text: None)
     path = request.get("path")
     model = mujoco.MjModel.from_xml_path(path) if path else mujoco.MjModel.from_xml_string(request["mjcf"])
+    if request.get("floor"):
+        touches = (model.geom_contype > 0) | (model.geom_conaffinity > 0)
+        if not (touches & (model.body_weldid[model.geom_bodyid] == 0)).any():
+            spec = mujoco.MjSpec.from_file(path)
+            spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1])
+            model = spec.compile()
     data = mujoco.MjData(model)
     bad = [getattr(mujoco.mjtWarning, "mjWARN_BAD" + what) for what in ("QPOS", "QVEL", "QACC")]
     say(mujoco.__version__)
@@ -63,8 +70,26 @@ def main():
             answers.append(numpy.linalg.solve(along.T @ mass @ along, along.T @ data.qfrc_smooth).tolist())
         say(answers)
 
+    def stand(asked):
+        first = model.nv - len(asked["kp"])
+        if len(asked["stand"]) != model.nq + model.nv:
+            return say(f"MuJoCo counts {model.nv} velocities and {model.nq} positions", "error")
+        model.opt.timestep, model.opt.integrator = request["frame_time"], mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
+        # As damping of its joints, which MuJoCo steps implicitly.
+        model.dof_damping[first:] += asked["kd"]
+        begin(asked["stand"])
+        for _ in range(int(asked["steps"])):
+            at = data.qpos[model.nq - len(asked["kp"]) :]
+            data.qfrc_applied[first:] = [kp * (target - q) for kp, target, q in zip(asked["kp"], asked["target"], at)]
+            mujoco.mj_step(model, data)
+        say(state())
+
     for line in sys.stdin:
         setting = json.loads(line)
+        if "stand" in setting:
+            stand(setting)
+            continue
         if "accelerate" in setting:
             accelerate(setting)
             continue

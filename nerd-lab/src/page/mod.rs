@@ -30,7 +30,7 @@ const TASKS: [&str; 8] =
 /// Motions that a page of this workspace shows, for a bar's total.
 pub const MOTIONS: usize = ROBOTS.len() + TASKS.len();
 
-/// Writes the page of the results in a folder, with motions of so many frames; `bar` counts [`MOTIONS`].
+/// Writes the page of the results in a folder, with motions of `frames` frames; `bar` counts [`MOTIONS`].
 pub fn page(frames: usize, results: &Path, out: &Path, bar: &Bar) -> Result<()> {
     let manifest = Manifest::read(results)?;
     let asked = ROBOTS.into_iter().chain(TASKS.map(|task| (task, Cause::Policy(task))));

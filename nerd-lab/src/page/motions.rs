@@ -23,7 +23,7 @@ fn both(system: &Arc<System>, model: &Path) -> Result<[(String, Box<dyn Solver>)
 pub enum Cause {
     /// Nothing: it is let go in this scene.
     Release(&'static str),
-    /// Torques, start and scene drawn as those of its data, from a seed that no data have.
+    /// Torques, start and scene drawn as for its training data, from a seed that no data set uses.
     Data,
     /// The first policy of this task that comes with the project and learned in a model.
     Policy(&'static str),

@@ -5,6 +5,7 @@ use serde_json::{Map, Value};
 
 use super::{Provenance, read_json, write_json};
 use crate::prelude::*;
+use nerd_sim::files::{has_keys, unclaimed};
 
 /// A result. In JSON its data are beside the other fields.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -42,11 +43,13 @@ impl Artifact {
     pub fn write(&self, folder: &Path, name: &str) -> Result<()> {
         may_write(folder, name, &self.provenance, self.effort)?;
         let path = file(folder, name);
+        // First: a folder that has it is known for one of ours.
+        write_json(&path, self)?;
         if !self.tables.is_empty() {
             let tables: Vec<String> = self.tables.iter().map(Table::markdown).collect();
             write(&path.with_file_name("README.md"), format!("{}\n{}\n", tables.join("\n"), self.provenance).as_bytes())?;
         }
-        write_json(&path, self)
+        Ok(())
     }
 }
 
@@ -60,7 +63,13 @@ pub fn may_write(folder: &Path, name: &str, provenance: &Provenance, effort: f64
     if let Some(taken) = path.ancestors().skip(1).find(|place| place.is_file()) {
         bail!("--out: {}: is a file, not a folder", taken.display());
     }
-    let Ok(there) = Artifact::read(folder, name) else { return Ok(()) };
+    let Ok(there) = Artifact::read(folder, name) else {
+        let own = folder.join(name);
+        let there = std::fs::read_dir(&own).into_iter().flatten().flatten().map(|entry| entry.file_name());
+        let there: Vec<String> = there.filter_map(|name| name.into_string().ok()).collect();
+        let names: Vec<&str> = there.iter().map(String::as_str).filter(|name| !name.starts_with('.')).collect();
+        return unclaimed(&own, &names, || has_keys(&path, &["provenance", "inputs"])).context("--out");
+    };
     if effort < there.effort {
         bail!(
             "{}: of {} games or rollout frames, this run has {effort}; ask for as many (--games, --starts, --frames), or write elsewhere (--out out/try)",

@@ -123,7 +123,7 @@ impl Inputs {
 fn of_files(files: &[PathBuf]) -> Result<String> {
     let mut all = Sha256::new();
     for path in files {
-        all.update(std::fs::read(path).map_err(error::file(path))?);
+        all.update(nerd_sim::files::read(path).map_err(error::file(path))?);
     }
     Ok(all.finalize().iter().map(|byte| format!("{byte:02x}")).collect())
 }

@@ -10,19 +10,16 @@
 //! # Ok::<(), std::io::Error>(())
 //! ```
 
+mod beside;
 mod robot;
 mod stand;
 
+pub use beside::beside;
 use robot::FRAMES;
 pub use robot::{Found, Sizes, Surveyed, find, survey};
 pub use stand::verdict;
 
-use robot::reason;
-
-use crate::{mujoco::apart, prelude::*};
-
-/// Random states in which accelerations are compared.
-const STATES: u64 = 100;
+use crate::prelude::*;
 
 /// Each file read and rolled out, a line each; and notes of a robot that is alone.
 pub fn read(files: &[Found]) -> (Table, Vec<String>) {
@@ -42,20 +39,6 @@ pub fn read(files: &[Found]) -> (Table, Vec<String>) {
     );
     let table = Table::new("urdfs", &header).with(robots.iter().map(row)).noted(&sum);
     (table, if let [robot] = &robots[..] { robot.notes.clone() } else { Vec::new() })
-}
-
-/// Accelerations of each robot beside MuJoCo's, by a Python that has it.
-pub fn beside(files: &[Found], python: &Path) -> Table {
-    let rows = each(files, |Found { path, name }| {
-        let gap =
-            apart(python, path, STATES).map_or_else(|e| reason(&format!("{e:#}"), &path.display().to_string()), |gap| format!("{gap:.1e}"));
-        vec![name.clone(), gap]
-    });
-    let note = format!(
-        "Largest difference of accelerations over {STATES} random states, of the largest acceleration of its state; contact, limits, dry \
-         friction and actuators off, joints that follow others kept to it in both."
-    );
-    Table::new("beside_mujoco", &["file", "accelerations apart from MuJoCo's"]).with(rows).noted(&note)
 }
 
 fn row(robot: &Surveyed) -> Vec<String> {

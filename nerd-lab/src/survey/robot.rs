@@ -57,7 +57,7 @@ pub fn survey(Found { path, name }: &Found) -> Surveyed {
 }
 
 /// What came of a robot; a panic is our fault, and says so.
-fn caught<T>(of: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+pub(super) fn caught<T>(of: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(of)).unwrap_or_else(|panic| {
         let said = panic.downcast_ref::<&str>().map(ToString::to_string).or_else(|| panic.downcast_ref::<String>().cloned());
         Err(format!("panic, please report: {}", said.unwrap_or_default().replace('\n', " ")))

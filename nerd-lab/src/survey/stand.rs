@@ -1,8 +1,9 @@
 //! Whether a robot stands, hangs or falls, in a line: a while of simulation from its default pose, which an SRDF beside it may name, each
 //! joint held by a drive ([`nerd_sim::drive::holding`]), and the same without.
 
-use nerd_sim::{drive::holding, scene::foot};
+use nerd_sim::{drive::holding, scene::foot, system::GROUND};
 
+use crate::mujoco::stand as stood;
 use crate::{prelude::*, roll::rolled};
 
 /// Degrees of freedom of which a second takes seconds.
@@ -21,6 +22,22 @@ fn set_down(system: &System) -> Vec<f64> {
         (0..3).for_each(|k| state[k] -= sunk[k]);
     }
     state
+}
+
+/// How much higher (m) the root of a free robot is after `seconds` than in MuJoCo's model of the same MJCF at `path`, both from the default pose and
+/// held by the same drives, and the tilt (rad) between them; `None` for a fixed base, and for a robot that touches nothing or is too large.
+pub(super) fn beside(python: &Path, path: &Path, system: &Arc<System>, seconds: f64) -> Option<Result<[f64; 2]>> {
+    let robot = &system.robot;
+    let small = robot.nv() <= MOST && robot.floating() && !robot.contact_points.is_empty();
+    small.then(|| {
+        let state = set_down(system);
+        let drives: Vec<_> = holding(system, &state).into_iter().map(|drive| Drive { effort: f64::INFINITY, ..drive }).collect();
+        let theirs = stood(python, path, system, &state, &drives, seconds)?;
+        let scene = system.scene(if system.all_scenes().contains(&GROUND) { GROUND } else { "plane" })?;
+        let [_, ours] = rolls(system, &scene, &state, &drives, (seconds / system.frame_time).round() as usize)?;
+        let turn = quaternion(&ours[3..7]).angle_to(&quaternion(&theirs[3..7]));
+        Ok([up(system).dot(&(vector(&ours) - vector(&theirs))), turn])
+    })
 }
 
 pub fn verdict(system: &Arc<System>, seconds: f64) -> String {
@@ -45,7 +62,7 @@ fn tried(system: &Arc<System>, seconds: f64) -> Result<String> {
     })
 }
 
-/// The last two states of so many frames of the preset `accurate`.
+/// The last two states of `frames` frames of the preset `accurate`.
 fn rolls(system: &Arc<System>, scene: &Arc<Scene>, state: &[f64], drives: &[Drive], frames: usize) -> Result<[Vec<f64>; 2]> {
     let (mut batch, mut solver) = (Batch::new(system, scene, 1), Articulated::new(ArticulatedConfig::accurate(system)));
     batch.reset(0, state);

@@ -10,10 +10,10 @@ constexpr int HALF = 6 + 2 * RODS, STATE = 2 * HALF;
 constexpr int GRIPPER = 12;                       // place, velocity, angles, rates
 constexpr int CHAIN = GRIPPER + 6 * RODS;         // the gripper, directions of rods, their rates
 
-// Axes of a link, and how they turn.
+// Axes of a link and their angular velocity.
 struct Axes { V3 c[3]; V3 w; };
 
-// Turns on about the own axis k.
+// Rotates about the own axis k.
 FN void turn(Axes& a, int k, double angle, double rate) {
     a.w = a.w + a.c[k] * rate;
     const double s = sin(angle), c = cos(angle);
@@ -31,14 +31,14 @@ FN Axes axes(const double* gripper) {
     return a;
 }
 
-// Where x of the gripper points to, and its rate.
+// Direction of the gripper's x axis, and its rate.
 FN void points(const double* gripper, V3& t, V3& rate) {
     const double sy = sin(gripper[6]), cy = cos(gripper[6]), sp = sin(gripper[7]), cp = cos(gripper[7]);
     t = v3(cy * cp, sy * cp, -sp);
     rate = v3(-sy * cp, cy * cp, 0) * gripper[9] + v3(-cy * sp, -sy * sp, -cp) * gripper[10];
 }
 
-// A frame of the gripper's drives alone.
+// A frame of the gripper under its drives alone.
 FN void glide(const double* gripper, const double* tau, double* next) {
     for (int k = 0; k < 6; k++) {
         const int x = k < 3 ? k : k + 3, v = x + 3;
@@ -53,7 +53,7 @@ FN void write3(double* p, V3 v) { p[0] = v.x; p[1] = v.y; p[2] = v.z; }
 FN float* put(float* out, V3 v) { out[0] = (float)v.x; out[1] = (float)v.y; out[2] = (float)v.z; return out + 3; }
 FN float* put(float* out, double x) { *out = (float)x; return out + 1; }
 
-// A state as rods: the gripper, directions, their rates.
+// Converts a state to rods: the gripper, directions, their rates.
 BIG void rods(const double* state, double* chain) {
     const double *q = state, *qd = state + HALF;
     for (int k = 0; k < 3; k++) {
@@ -71,7 +71,7 @@ BIG void rods(const double* state, double* chain) {
     }
 }
 
-// What is seen of the gripper's glide.
+// The gripper's motion under its drives alone, as tokens hold it.
 struct Ahead { V3 change, velocity, swing, direction; };
 
 FN Ahead ahead(const double* gripper, const double* glided) {
@@ -83,7 +83,7 @@ FN Ahead ahead(const double* gripper, const double* glided) {
     return a;
 }
 
-// The nearest surface at a place, as it is seen; 0, or LOST.
+// The nearest surface at a position, masked as in tokens; 0, or LOST.
 FN int touch(const Surface* surface, int surfaces, V3 place, V3& normal, double& gap) {
     double nearest = infinite();
     normal = v3(0, 0, 0);
@@ -109,7 +109,7 @@ FN void token(float* out, V3 along, V3 rate, V3 velocity, V3 normal, double gap,
     for (int i = INPUTS; i < LDX; i++) out = put(out, 0.0);
 }
 
-// The tokens of its rods, and what the frame needs later; 0, or why there are none.
+// Writes rod tokens, and the data that `apply` needs; returns 0 or a fault code.
 BIG int tell(const double* state, const double* tau, const double* scene, double* memo, float* tokens) {
     Surface surface[NC + 1];
     int surfaces = 0;
@@ -137,14 +137,14 @@ FN V3 said3(const float* said, int first) {
     return v3(said[first] * STRETCH[first], said[first + 1] * STRETCH[first + 1], said[first + 2] * STRETCH[first + 2]);
 }
 
-// Direction and rate u of a rod after its outputs, before they are normalised.
+// Direction and rate u of a rod after its outputs are added, before normalisation.
 FN V3 said(const double* chain, int k, const float* row, V3& u) {
     const V3 rate = read3(chain + GRIPPER + 3 * (RODS + k));
     u = rate + said3(row, 0);
     return read3(chain + GRIPPER + 3 * k) + (rate + u) * (0.5 * FRAME) + said3(row, 3);
 }
 
-// The state after the outputs `[rod][OUTPUTS]`, in place of `state`; 0 or GONE.
+// Replaces `state` by the state after the outputs `[rod][OUTPUTS]`; returns 0 or GONE.
 BIG int apply(double* state, const double* memo, const float* numbers) {
     double gripper[GRIPPER], next[STATE];
     for (int k = 0; k < GRIPPER; k++) gripper[k] = memo[k] + numbers[6 + k] * STRETCH[6 + k];

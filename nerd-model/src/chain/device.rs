@@ -1,4 +1,4 @@
-//! What surrounds a chain's network, as a program for a device: the text of two kernels, `chain_tell` and `chain_apply`.
+//! Everything around a chain's network, as a program for a GPU: the text of two kernels, `chain_tell` and `chain_apply`.
 //!
 //! They are this module in 64 bits, on vectors and surfaces of the articulated solver's kernels.
 
@@ -9,18 +9,18 @@ use super::{layout::Chain, step::OUTPUTS};
 use crate::prelude::*;
 use crate::program::op::padded;
 
-/// Numbers of a chain on a device: the gripper's twelve, directions of rods, their rates. So many are kept of an environment between the
-/// two kernels.
+/// Numbers that represent a chain on a GPU: the gripper's twelve, directions of rods, their rates. This many are kept per environment
+/// between the two kernels.
 pub fn numbers(chain: &Chain) -> usize {
     12 + 6 * chain.rods
 }
 
-/// The text for a chain, for scenes of at most so many colliders; `scale` is the scale of each output.
+/// The text for a chain, for scenes of at most `colliders` colliders; `scale` is the scale of each output.
 pub fn chain_program(chain: &Chain, scale: &[f64; OUTPUTS], system: &System, colliders: usize) -> String {
     chain_functions(chain, scale, system, colliders) + include_str!("chain_frame.cuh")
 }
 
-/// The same without kernels: what they are made of.
+/// The same without kernels: the functions that they call.
 pub fn chain_functions(chain: &Chain, scale: &[f64; OUTPUTS], system: &System, colliders: usize) -> String {
     let mut text = surfaces(colliders);
     text.define([("RODS", chain.rods), ("INPUTS", INPUTS), ("LDX", padded(INPUTS)), ("OUTPUTS", OUTPUTS)]);

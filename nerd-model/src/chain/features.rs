@@ -1,4 +1,4 @@
-//! What the network sees of a rod: a token of [`INPUTS`] numbers.
+//! The network's view of a rod: a token of [`INPUTS`] numbers.
 //!
 //! | numbers | what |
 //! |---|---|
@@ -15,30 +15,30 @@ use crate::prelude::*;
 
 /// Numbers of a token.
 pub const INPUTS: usize = 30;
-/// Where surfaces are seen from (m), as other models do (paper A.1).
+/// Distance (m) from which surfaces are seen, as in other models (paper A.1).
 pub(super) const REACH: f64 = 0.1;
-/// Seconds by which half a change of velocity counts.
+/// Factor (s) on half a change of velocity in a token.
 pub(super) const QUICK: f64 = 10.0;
 
 /// The nearest surface at the end of a rod.
 struct Touch {
-    /// Out of it (world, unit length); zeros beyond [`REACH`].
+    /// Outward unit normal (world axes); zeros beyond [`REACH`].
     normal: Vector3<f64>,
     /// From the rod's surface (m), [`REACH`] at most.
     gap: f64,
 }
 
-/// A chain as it is seen in one frame.
+/// Contacts and gripper motion of a chain in one frame.
 pub struct Look {
     /// By rod.
     touches: Vec<Touch>,
     velocities: Vec<Vector3<f64>>,
-    /// Where the drives alone would take the gripper.
+    /// The gripper after the frame under its drives alone.
     pub glided: Gripper,
 }
 
 impl Look {
-    /// Looks at a chain; `contact` is the nearest surface at a place, `torques` (N, N m) are those of the gripper.
+    /// Looks at a chain; `contact` finds the nearest surface at a position, `torques` (N, N m) act on the gripper's axes.
     pub fn at(chain: &Chain, rods: &Rods, torques: &[f64], mut contact: impl FnMut(&Vector3<f64>) -> ContactEvent) -> Self {
         let [nodes, velocities] = chain.nodes(rods);
         let touch = |node: &Vector3<f64>| {
@@ -50,7 +50,7 @@ impl Look {
         Self { touches: nodes.iter().map(touch).collect(), velocities, glided: chain.glide(&rods.gripper, torques) }
     }
 
-    /// Tokens of its rods, `[rod][INPUTS]`, onto `tokens`.
+    /// Appends the rods' tokens, `[rod][INPUTS]`, to `tokens`.
     pub fn tokens(&self, chain: &Chain, rods: &Rods, tokens: &mut Vec<f32>) {
         let (before, after, velocity) = (rods.gripper.points(), self.glided.points(), self.glided.velocity);
         let ahead = [(velocity - rods.gripper.velocity) * QUICK, velocity, (after[1] - before[1]) * 0.5, after[0]];
@@ -71,8 +71,8 @@ impl Look {
         }
     }
 
-    /// Adds to `slope` what [`Look::tokens`] makes of gradients by tokens, `[rod][INPUTS]`, and gives that by where the gripper glides.
-    /// Normals count as constant.
+    /// Adjoint of [`Look::tokens`]: adds to `slope` the gradient with respect to the rods, from gradients with respect to tokens,
+    /// `[rod][INPUTS]`. Returns the gradient with respect to `glided`. Normals are held constant.
     pub fn tokens_back(&self, chain: &Chain, rods: &Rods, upstream: &[f32], slope: &mut Rods) -> Gripper {
         let (mut nodes, mut speeds) = (Vec::with_capacity(chain.rods), Vec::with_capacity(chain.rods));
         let mut ahead = [Vector3::zeros(); 4];

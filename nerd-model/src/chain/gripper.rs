@@ -3,21 +3,21 @@
 use super::Chain;
 use crate::prelude::*;
 
-/// State of a gripper; of an adjoint, the gradients by these numbers.
+/// State of a gripper; in an adjoint, the gradients with respect to these numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Gripper {
-    /// Place (m, world).
+    /// Position (m, world).
     pub at: Vector3<f64>,
     /// Its rate (m/s).
     pub velocity: Vector3<f64>,
-    /// Yaw, pitch, roll (rad), turned in this order.
+    /// Yaw, pitch, roll (rad), applied in this order.
     pub angles: Vector3<f64>,
     /// Their rates (rad/s).
     pub rates: Vector3<f64>,
 }
 
 impl Gripper {
-    /// Its numbers: place, velocity, angles, rates.
+    /// Its numbers: position, velocity, angles, rates.
     pub fn numbers(&self) -> impl Iterator<Item = f64> {
         [self.at, self.velocity, self.angles, self.rates].into_iter().flat_map(|v| [v.x, v.y, v.z])
     }
@@ -27,14 +27,14 @@ impl Gripper {
         [&mut self.at, &mut self.velocity, &mut self.angles, &mut self.rates].into_iter().flat_map(|v| v.iter_mut())
     }
 
-    /// Where x of the gripper points to (world, unit length), `t = (cos y cos p, sin y cos p, -sin p)` of yaw y and pitch p, and its
-    /// rate (1/s).
+    /// Direction of the gripper's x axis (world, unit length), `t = (cos y cos p, sin y cos p, -sin p)` for yaw y and pitch p, and its rate
+    /// (1/s).
     pub fn points(&self) -> [Vector3<f64>; 2] {
         let [t, by_yaw, by_pitch, ..] = self.slopes();
         [t, by_yaw * self.rates.x + by_pitch * self.rates.y]
     }
 
-    /// t, its gradients by yaw and by pitch, and theirs: by yaw twice, by yaw and pitch, by pitch twice.
+    /// t, its derivatives with respect to yaw and pitch, and the second ones: yaw twice, yaw and pitch, pitch twice.
     fn slopes(&self) -> [Vector3<f64>; 6] {
         let ((sy, cy), (sp, cp)) = (self.angles.x.sin_cos(), self.angles.y.sin_cos());
         [
@@ -47,7 +47,7 @@ impl Gripper {
         ]
     }
 
-    /// Adds to `slope` what [`Gripper::points`] makes of the upstream gradients.
+    /// Adjoint of [`Gripper::points`]: adds to `slope`.
     pub fn points_back(&self, upstream: [Vector3<f64>; 2], slope: &mut Self) {
         let [_, by_yaw, by_pitch, yaw_yaw, yaw_pitch, pitch_pitch] = self.slopes();
         let [t, rate] = upstream;
@@ -59,8 +59,8 @@ impl Gripper {
 }
 
 impl Chain {
-    /// A frame of the gripper's drives alone, in closed form: with `e` the distance from `torque / stiffness`, `w` the pulse,
-    /// `e' = (e + (v + w e) dt) exp(-w dt)`, `v' = (v - w (v + w e) dt) exp(-w dt)`. `torques` (N, N m) are those of its six axes.
+    /// A frame of the gripper under its drives alone, in closed form. With `e` the distance from `torque / stiffness` and `w` the natural
+    /// frequency, `e' = (e + (v + w e) dt) exp(-w dt)`, `v' = (v - w (v + w e) dt) exp(-w dt)`. `torques` (N, N m) act on its six axes.
     pub fn glide(&self, gripper: &Gripper, torques: &[f64]) -> Gripper {
         let mut next = *gripper;
         for (k, torque) in torques.iter().enumerate().take(6) {
@@ -74,7 +74,7 @@ impl Chain {
         next
     }
 
-    /// Gradients by the input of [`Chain::glide`], which is linear, from the upstream ones.
+    /// Adjoint of [`Chain::glide`], which is linear: gradients with respect to its input from the upstream ones.
     pub fn glide_back(&self, upstream: &Gripper) -> Gripper {
         let mut slope = *upstream;
         for k in 0..6 {

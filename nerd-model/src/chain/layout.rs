@@ -1,10 +1,10 @@
-//! Which robots are chains, and a chain's constants.
+//! Recognises robots that are chains, and holds a chain's constants.
 
 use crate::prelude::*;
 
 /// Axes of the gripper: three slides x, y, z, then yaw, pitch, roll.
 const AXES: usize = 6;
-/// Share by which a drive may miss critical damping: its glide is computed in closed form.
+/// Largest relative error of a drive's damping against critical damping, which the closed form of its glide assumes.
 const NEAR: f64 = 0.01;
 
 /// A robot that is not a chain.
@@ -13,7 +13,7 @@ const NEAR: f64 = 0.01;
 pub struct NoChain {
     /// Its name.
     pub robot: String,
-    /// What is in the way.
+    /// The reason.
     pub reason: String,
 }
 
@@ -28,16 +28,16 @@ pub struct Chain {
     pub radius: f64,
     /// Length of a frame (s).
     pub frame_time: f64,
-    /// Where the gripper is at zero coordinates (m, world).
+    /// Position of the gripper at zero coordinates (m, world).
     pub home: Vector3<f64>,
     /// Stiffness of its axes (N/m, N m/rad).
     pub stiffness: [f64; AXES],
-    /// How fast they follow (rad/s), `sqrt(stiffness / armature)`.
+    /// Natural frequency of its axes (rad/s), `sqrt(stiffness / armature)`.
     pub pulse: [f64; AXES],
 }
 
 impl Chain {
-    /// That of a system.
+    /// The chain of a system.
     pub fn of(system: &System) -> Result<Self, NoChain> {
         Self::read(system).map_err(|reason| NoChain { robot: system.name.clone(), reason })
     }
@@ -66,7 +66,7 @@ impl Chain {
         Ok(Self { rods, length, radius, frame_time: system.frame_time, home, stiffness, pulse })
     }
 
-    /// Whether a turn about z changes nothing but directions: x and y are driven alike.
+    /// Whether a rotation about z changes nothing but directions: x and y are driven alike.
     pub fn round(&self) -> bool {
         self.stiffness[0] == self.stiffness[1] && self.pulse[0] == self.pulse[1]
     }

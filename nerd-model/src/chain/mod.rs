@@ -1,8 +1,7 @@
 //! Chains: cables led by a gripper, learned rod by rod.
 //!
-//! In place of joint angles the state is held as *rods*: each rod's direction and that direction's rate, in world axes, so that an error in
-//! one rod is not turned into all that hang on it. A rod is a token, the chain a window, and one pass of a small network
-//! (`program/networks.rs`) is a frame:
+//! In place of joint angles the state is held as *rods*: each rod's direction and its rate, in world axes, so that an error in one rod does
+//! not rotate all rods after it. A rod is a token, the chain a window, and one pass of a small network (`program/networks.rs`) is a frame:
 //!
 //! ```text
 //! state ── Chain::rods ──▶ rods ── look ──▶ tokens ── network ──▶ output ── advance ──▶ rods ── Chain::state ──▶ state

@@ -1,17 +1,17 @@
 //! Rods from joint coordinates and back, both exactly.
 //!
-//! With R the axes of the rod before and w its turning, a rod's hinges turn by a about z and by b about the new y:
-//! `t = R Rz(a) Ry(b) x = R (cos a cos b, sin a cos b, -sin b)`, and `dt/dt = w' x t`. So `a = atan2`, `b = asin` of t in R, and with
-//! `r = dt/dt - w x t` and y, x', z the axes between the hinges `a' = r . y / cos b`, `b' = -r . (z cos b + x' sin b)`. That takes
-//! bends of less than a right angle from rod to rod.
+//! With R the axes of the rod before and w their angular velocity, a rod's hinges rotate by a about z and by b about the new y: `t = R
+//! Rz(a) Ry(b) x = R (cos a cos b, sin a cos b, -sin b)`, and `dt/dt = w' x t`. So `a = atan2`, `b = asin` of t in R, and with `r = dt/dt -
+//! w x t` and y, x', z the axes between the hinges `a' = r . y / cos b`, `b' = -r . (z cos b + x' sin b)`. This requires bends of less than
+//! a right angle from rod to rod.
 
 use super::{Chain, Gripper};
 use crate::prelude::*;
 
-/// State of a chain as rods; of an adjoint, the gradients by these numbers.
+/// State of a chain as rods; in an adjoint, the gradients with respect to these numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Rods {
-    /// What leads it.
+    /// The gripper that leads it.
     pub gripper: Gripper,
     /// Direction of each rod, from the gripper on (world, unit length).
     pub along: Vec<Vector3<f64>>,
@@ -20,7 +20,7 @@ pub struct Rods {
 }
 
 impl Rods {
-    /// Nothing, of so many rods: where gradients are added up.
+    /// Zeros for `rods` rods, to which gradients are added.
     pub fn zeros(rods: usize) -> Self {
         Self { gripper: Gripper::default(), along: vec![Vector3::zeros(); rods], rates: vec![Vector3::zeros(); rods] }
     }
@@ -32,7 +32,7 @@ impl Rods {
     }
 }
 
-/// Axes of a link, and how they turn (world).
+/// Axes of a link and their angular velocity (world).
 struct Axes {
     r: Matrix3<f64>,
     w: Vector3<f64>,
@@ -43,7 +43,7 @@ impl Axes {
         self.r.column(k).into()
     }
 
-    /// Turns on by an angle and its rate about the own axis k.
+    /// Rotates by an angle, and its rate, about the own axis k.
     fn turn(&mut self, k: usize, angle: f64, rate: f64) {
         self.w += self.column(k) * rate;
         let ((s, c), i, j) = (angle.sin_cos(), (k + 1) % 3, (k + 2) % 3);
@@ -118,7 +118,7 @@ impl Chain {
         [sum(rods.gripper.at, &rods.along), sum(rods.gripper.velocity, &rods.rates)]
     }
 
-    /// Adds to `slope` what [`Chain::nodes`] makes of the upstream gradients: a rod moves all nodes from its end on.
+    /// Adjoint of [`Chain::nodes`]: adds to `slope`. A rod moves all nodes from its end on.
     pub fn nodes_back(&self, upstream: &[Vec<Vector3<f64>>; 2], slope: &mut Rods) {
         let Rods { gripper, along, rates } = slope;
         let parts = [(&upstream[0], &mut gripper.at, along), (&upstream[1], &mut gripper.velocity, rates)];

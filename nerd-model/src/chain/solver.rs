@@ -16,7 +16,7 @@ pub struct ChainSolver {
     chain: Chain,
     network: Loaded,
     scale: [f64; OUTPUTS],
-    /// All rods are asked.
+    /// Rows whose predictions are needed: all rods.
     rows: Vec<usize>,
     /// One for each thread.
     work: Vec<Work>,
@@ -31,7 +31,7 @@ struct Work {
 }
 
 impl ChainSolver {
-    /// The network of `system`'s chain, of as many rods as it was trained on; `normalizer` scales its outputs, tokens are taken as they are.
+    /// The network of `system`'s chain, with as many rods as in training; `normalizer` scales its outputs, tokens are not normalised.
     pub fn new(weights: &Weights, normalizer: &Normalizer, system: &System) -> Result<Self, NoChain> {
         let chain = Chain::of(system)?;
         let wrong = |reason: String| NoChain { robot: system.name.clone(), reason };
@@ -44,7 +44,8 @@ impl ChainSolver {
         Ok(Self { chain, network, scale, rows, work: Vec::new(), next: Vec::new(), faults: Vec::new() })
     }
 
-    /// The scale of each output; refused if tokens or means would have to be shifted: a chain's are in fixed units, about 0.
+    /// The scale of each output. Fails if the normaliser shifts or scales tokens, or shifts outputs: a chain's numbers are in fixed units,
+    /// about 0.
     pub fn scale(normalizer: &Normalizer) -> Result<[f64; OUTPUTS], String> {
         let Normalizer { inputs, outputs } = normalizer;
         let scale: Vec<f64> = outputs.scale().collect();

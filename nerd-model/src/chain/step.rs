@@ -1,13 +1,13 @@
 //! A frame: the network's output, applied to rods.
 //!
-//! With the outputs `a` and `r` of a rod and T the frame's time: `u = td + a`, `t' = |t + T (td + u) / 2 + r|` at unit length,
-//! `td' = u - t' (t' . u)`. The gripper's outputs count from where it glides to.
+//! With the outputs `a` and `r` of a rod and T the frame's time: `u = td + a`, `t' = t + T (td + u) / 2 + r` scaled to unit length, `td' =
+//! u - t' (t' . u)`. The gripper's outputs are added to its glide ([`Chain::glide`]).
 
 use super::{Chain, Gripper, Rods};
 use crate::prelude::*;
 
-/// Outputs for a rod: change of rate (3), what of the direction is missed (3), and, of the first rod alone, what the
-/// gripper's glide misses (12).
+/// Outputs for a rod: change of rate (3), correction of the direction (3), and, for the first rod alone, correction of the
+/// gripper's glide (12).
 pub const OUTPUTS: usize = 18;
 
 /// A network's outputs for a chain's rods, `[rod][OUTPUTS]`, and their scales.
@@ -15,7 +15,7 @@ pub const OUTPUTS: usize = 18;
 pub struct Outputs<'a> {
     /// Normalised.
     pub numbers: &'a [f32],
-    /// What 1 means, `[OUTPUTS]`.
+    /// Size of one unit of each output, `[OUTPUTS]`.
     pub scale: &'a [f64; OUTPUTS],
 }
 
@@ -40,14 +40,14 @@ impl Chain {
         after
     }
 
-    /// Rate and direction of a rod before they are put right.
+    /// Rate and direction of a rod before they are made orthogonal and of unit length.
     fn raw(&self, before: &Rods, k: usize, outputs: Outputs) -> (Vector3<f64>, Vector3<f64>) {
         let u = before.rates[k] + outputs.vector(k, 0);
         (u, before.along[k] + (before.rates[k] + u) * (0.5 * self.frame_time) + outputs.vector(k, 3))
     }
 
-    /// Gradients by the rods before and by the outputs, `[rod][OUTPUTS]`, from the upstream ones of [`Chain::advance`]; that of the
-    /// gripper is also that by where it glides.
+    /// Adjoint of [`Chain::advance`]: gradients with respect to the rods before and to the outputs, `[rod][OUTPUTS]`, from the upstream
+    /// ones. The gripper's gradient is also the one with respect to its glide.
     pub fn advance_back(&self, before: &Rods, outputs: Outputs, upstream: &Rods, slope: &mut Rods) -> Vec<f32> {
         let mut by_outputs = vec![0.0; self.rods * OUTPUTS];
         for (k, row) in by_outputs.as_chunks_mut::<OUTPUTS>().0.iter_mut().enumerate() {

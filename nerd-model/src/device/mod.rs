@@ -1,8 +1,8 @@
-//! What surrounds the network, as a program for a device: the text of two kernels, `neural_tell` and `neural_apply`; and a small network
-//! itself as one kernel, `whole_pass`. Around a chain's network are those of [`crate::chain`].
+//! Everything around the network, as a program for a GPU: the text of two kernels, `neural_tell` and `neural_apply`; and a small network
+//! itself as one kernel, `whole_pass`. [`crate::chain`] has the kernels around a chain's network.
 //!
-//! They build on the articulated solver's ([`nerd_sim::articulated::device`]), and like those are plain C++ beside CUDA, so that a test
-//! runs them where there is no GPU.
+//! They build on the articulated solver's kernels ([`nerd_sim::articulated::device`]). Like those they are plain C++ beside CUDA, so that a
+//! test runs them where there is no GPU.
 
 mod residual;
 mod whole;
@@ -21,18 +21,18 @@ pub use whole::{Products, Whole};
 /// Threads that write an environment's token.
 pub const LANES: usize = 4;
 
-/// The pass of a program over windows of so many tokens `[T][padded inputs]`: of a chain, or in f16 of a residual network
-/// (`program/networks.rs`). None of another form, or where it does not fit.
+/// The pass of a program over windows of `tokens` tokens `[T][padded inputs]`: of a chain, or in f16 of a residual network
+/// (`program/networks.rs`). `None` for other networks, or where it does not fit.
 pub fn whole_program(program: &Program, tokens: usize, products: Products) -> Option<Whole> {
     if products == Products::F16 { residual::residual(program).filter(|_| tokens == 1) } else { whole::chain(program, tokens) }
 }
 
-/// The text for models of `system` of a form and with a normaliser, for scenes of this reach.
+/// The text for models of `system` with a form and a normaliser, for scenes of this reach.
 pub fn program(form: Form, normalizer: &Normalizer, system: &Arc<System>, real: Real, reach: Reach) -> String {
     token_functions(form, normalizer, system, real, reach) + include_str!("tokens_frame.cuh")
 }
 
-/// In 64 bits, a frame and its way back as the kernels `slopes_look`, `slopes_said` and `slopes_back`, with the network between them.
+/// In 64 bits, a frame and its adjoint as the kernels `slopes_look`, `slopes_said` and `slopes_back`, with the network between them.
 pub fn slope_program(form: Form, normalizer: &Normalizer, system: &Arc<System>, reach: Reach) -> String {
     slope_functions(form, normalizer, system, reach) + include_str!("slopes_frame.cuh")
 }
@@ -42,17 +42,22 @@ pub fn slope_functions(form: Form, normalizer: &Normalizer, system: &Arc<System>
     token_functions(form, normalizer, system, Real::F64, reach) + include_str!("tokens_back.cuh")
 }
 
-/// What surrounds the network without its kernels: `tell` and `apply`, for other kernels.
+/// Functions around the network without kernels: `tell` and `apply`, for other kernels.
 pub fn token_functions(
     form: Form,
     normalizer: &Normalizer,
     system: &Arc<System>,
     real: Real,
-    Reach { colliders, fields, .. }: Reach,
+    Reach { colliders, fields, hulls, paired, .. }: Reach,
 ) -> String {
     let robot = &system.robot;
-    let mut text =
-        functions(system, &ArticulatedConfig::implicit(1, Friction::Coulomb), real, Reach { colliders, fields, ..Reach::default() }, false);
+    let mut text = functions(
+        system,
+        &ArticulatedConfig::implicit(1, Friction::Coulomb),
+        real,
+        Reach { colliders, fields, hulls, paired, ..Reach::default() },
+        false,
+    );
     let (inputs, moving) = (Features::inputs(system, form), form.view == View::Moving);
     text.define([("INPUTS", inputs), ("LDX", padded(inputs)), ("LANES", LANES)]);
     text.define([("SITUATED", Features::situated(robot)), ("MOVING", moving)].map(|(name, on)| (name, i32::from(on))));

@@ -1,5 +1,5 @@
-// Kernels of frames and the way back over one, a thread an environment: states and torques `[env]`, gradients by next states and what is found
-// `[env][rows]`, of which `row` is asked for. Tokens are those of `n` states, of `envs` environments frame by frame.
+// Kernels of a frame and its adjoint, a thread an environment. States and torques are `[env]`; gradients with respect to next states, and
+// results, are `[env][rows]`, of which `row` is computed. Tokens belong to `n` states, `envs` environments frame by frame.
 
 #define EACH                                                   \
     const int env = blockIdx.x * blockDim.x + threadIdx.x;     \
@@ -24,7 +24,7 @@ KERNEL slopes_back(const double* states, const double* scenes, const int* scene_
     EACH
     const long long at = (long long)env * rows + row;
     const float* by_token = by_tokens + (long long)env * INPUTS;
-    // They may be in the same place.
+    // The two may share memory.
     double behind[2 * NV];
     for (int i = 0; i < 2 * NV; i++) behind[i] = by_next[at * 2 * NV + i];
     frame_back(state, scenes + (long long)scene_of[env] * SCENE, said + (long long)env * STATE, by_token, behind, slopes + at * 2 * NV);

@@ -7,12 +7,13 @@ constexpr int STATE = NQ + NV;
 
 struct Event { V3 p0, normal, p1; real distance; };
 
-// The nearest place of the scene to a contact point; from the root.
+// The nearest point of the scene to a contact point, relative to the root.
 FN Event look(const Work& w, int p) {
     Event e;
     e.distance = infinite();
     e.p0 = middle(w.tree, p);
     for (int c = 0; c < w.surfaces; c++) {
+        if (!may(w, p, c)) continue;
         V3 normal, nearest;
         const real d = meets(w.tree, w.surface[c], p, normal, nearest);
         if (!(d < e.distance)) continue;
@@ -21,7 +22,7 @@ FN Event look(const Work& w, int p) {
     return e;
 }
 
-// How near a gap is, as features.rs has it; and the gap, now or a frame ahead at this speed.
+// Nearness of a gap, as in features.rs; and the gap, now or a frame ahead at this speed.
 FN real nearness(real gap) { return gap / sqrt(gap * gap + (real)(NEAR * NEAR)); }
 FN real gap(const Event& e, int p, V3 speed, int ahead) {
     return e.distance - RADIUS[p] + (ahead ? (real)FRAME_TIME * dot(e.normal, speed) : 0);
@@ -33,12 +34,13 @@ FN V3 column(const M3& a, int k) { return v3(a.m[k], a.m[3 + k], a.m[6 + k]); }
 FN void put(float* token, int k, double x) { token[k] = (float)(((real)(float)x - MEAN[k]) * RATE[k]); }
 FN void put(float* token, int k, V3 v) { put(token, k, v.x); put(token, k + 1, v.y); put(token, k + 2, v.z); }
 
-// Where a token has contact points' normals, places, distances, speeds and nearness, torques and gravity, links' axes, and what follows.
+// Offsets in a token: contact points' normals, positions, distances, velocities and nearness, torques and gravity, links' axes, and the
+// rest.
 constexpr int NORMALS = STATE, PLACES = NORMALS + 3 * NP, DEPTHS = PLACES + 3 * NP, SPEEDS = DEPTHS + NP;
 constexpr int NEARS = SPEEDS + 3 * NP, TORQUES = MOVING ? NEARS + 2 * NP : SPEEDS;
 constexpr int AXES = TORQUES + NJ + (SITUATED ? 3 : 0), ENDS = AXES + (SITUATED && MOVING ? 6 * (NL - 1) : 0);
 
-// The token of a frame; by `lanes` threads each some contact points and links, and by the first the rest.
+// Writes the token of a frame: each of `lanes` threads some contact points and links, the first thread the rest.
 BIG void tell(const double* state, const double* tau, const double* scene, float* token, int lane = 0, int lanes = 1) {
     Work w;
     Tree& t = w.tree;
@@ -99,7 +101,7 @@ FN void exponential(V3 u, double* q) {
     q[3] = cos(0.5 * angle);
 }
 
-// Turn and way of the root at the mean of the velocities before and after, in its own axes.
+// Rotation and translation of the root at the mean of the velocities before and after, in its own axes.
 FN void carried(const double* state, const double* change, V3& turn, V3& way) {
     V3 a, b;
     own_velocity(state, a, b);
@@ -107,7 +109,7 @@ FN void carried(const double* state, const double* change, V3& turn, V3& way) {
     way = (b + v3(change[NQ + 3], change[NQ + 4], change[NQ + 5]) * (real)0.5) * (real)TRAPEZOID;
 }
 
-// From a prediction to the change of the state, as trapezoid.rs.
+// From a prediction to the change of the state, as in trapezoid.rs.
 FN void trapezoid(const double* state, double* change) {
     if (TRAPEZOID == 0) return;
     for (int i = 0; i < NJ; i++) change[COORDS + i] += TRAPEZOID * (state[NQ + DOFS + i] + 0.5 * change[NQ + DOFS + i]);
@@ -121,7 +123,7 @@ FN void trapezoid(const double* state, double* change) {
     for (int k = 0; k < 4; k++) change[3 + k] = turned[k];
 }
 
-// The state that lies a prediction from `state`, in its place; 0 or GONE.
+// Replaces `state` by the state a prediction away; returns 0 or GONE.
 BIG int apply(double* state, const float* prediction) {
     double change[STATE], next[STATE];
     for (int k = 0; k < STATE; k++) change[k] = (double)prediction[k] * STRETCH[k] + SHIFT[k];
@@ -134,7 +136,7 @@ BIG int apply(double* state, const float* prediction) {
         rotate(s, change, 1, by);
         for (int k = 0; k < 3; k++) next[k] = state[k] + by[k];
         multiply(s, change + 3, next + 3);
-        // The velocity (w, v) about the world's origin, in axes that stand where the root stood.
+        // The velocity (w, v) about the world's origin, in the root's axes before the frame.
         double w[3], v[3];
         rotate(s, change + NQ, 1, w);
         rotate(s, change + NQ + 3, 1, v);

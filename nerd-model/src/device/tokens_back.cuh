@@ -1,6 +1,6 @@
-// The way back of a frame around the network, as nerd_model's slopes.rs and trapezoid.rs have it, in 64 bits.
+// Adjoint of a frame around the network, as in nerd_model's slopes.rs and trapezoid.rs, in 64 bits.
 
-// From gradients by the change of the state.
+// From gradients with respect to the change of the state.
 FN void change_back(const double* state, const float* said, const double* behind, double* by_change, double* slope) {
     double change[STATE];
     for (int k = 0; k < STATE; k++) change[k] = (double)said[k] * STRETCH[k] + SHIFT[k];
@@ -32,7 +32,7 @@ FN void change_back(const double* state, const float* said, const double* behind
     add3(slope + NV + 3, by_speed);
 }
 
-// The way back of `trapezoid`.
+// Adjoint of `trapezoid`.
 FN void trapezoid_back(const double* state, const float* said, double* by, double* slope) {
     const double time = TRAPEZOID;
     if (time == 0) return;
@@ -62,7 +62,8 @@ FN void trapezoid_back(const double* state, const float* said, double* by, doubl
     add3(by + NQ + 3, by_way * (0.5 * time));
 }
 
-// Gradients by prediction and by the state before, from the upstream one by the state after; those by the state are added to `slope`.
+// Gradients with respect to prediction and state before, from the upstream one with respect to the state after; adds the state's to
+// `slope`.
 FN void apply_back(const double* state, const float* said, const double* behind, double* by_said, double* slope) {
     change_back(state, said, behind, by_said, slope);
     trapezoid_back(state, said, by_said, slope);
@@ -70,7 +71,7 @@ FN void apply_back(const double* state, const float* said, const double* behind,
 
 FN V3 three(const float* by, int k) { return v3(by[k] / SCALE[k], by[k + 1] / SCALE[k + 1], by[k + 2] / SCALE[k + 2]); }
 
-// Adds what poses of the joints above a link do to the velocity of its point at x, as slopes.rs.
+// Adds the gradient of the velocity of a link's point at x with respect to poses of the joints above it, as in slopes.rs.
 FN void quickened(const Tree& t, int link, V3 x, V3 along, double* slope) {
     const V3 velocity = at(t.velocity[link], x);
     for (int i = link; i >= (DOFS ? 1 : 0); i = PARENT[i]) {
@@ -85,7 +86,7 @@ FN double nearness_slope(double gap) {
     return NEAR * NEAR / (square * sqrt(square));
 }
 
-// Adds to `slope` what comes to the state through its token.
+// Adds to `slope` the gradient that reaches the state through its token.
 BIG void tell_back(const double* state, const double* scene, const float* by, double* slope) {
     int end = INPUTS;
     for (int i = NJ - 1; i >= 0; i--) {
@@ -130,7 +131,7 @@ BIG void tell_back(const double* state, const double* scene, const float* by, do
             const V3 along = r * by_speed + e.normal * by_closing;
             impulse[link] = impulse[link] + wrench(cross(place, along), along);
             quickened(t, link, place, along, slope);
-            // A free root's own velocity turns with it.
+            // A free root's own velocity is in axes that rotate with it.
             turn = turn + (DOFS ? back(r, cross(speed, e.normal)) * by_closing : cross(by_speed, back(r, speed)));
         }
         // The nearest place follows the point along the surface.
@@ -153,13 +154,13 @@ BIG void tell_back(const double* state, const double* scene, const float* by, do
     if (MOVING) onto(t, impulse, slope + NV);
 }
 
-// The state after a frame; what is no number stays none, so that it can be reported.
+// The state after a frame; NaN stays NaN, so that it can be reported.
 FN void advance(const double* state, const float* said, double* after) {
     for (int k = 0; k < STATE; k++) after[k] = state[k];
     if (apply(after, said)) for (int k = 0; k < STATE; k++) after[k] = infinite() - infinite();
 }
 
-// Gradients by what the network said, from that by the state after.
+// Gradients with respect to the network's outputs, from the one with respect to the state after.
 FN void said_back(const double* state, const float* said, const double* behind, float* by_said) {
     double by_change[STATE], none[2 * NV];
     for (int i = 0; i < 2 * NV; i++) none[i] = 0;
@@ -167,7 +168,7 @@ FN void said_back(const double* state, const float* said, const double* behind, 
     for (int k = 0; k < STATE; k++) by_said[k] = (float)(by_change[k] * STRETCH[k]);
 }
 
-// The gradient by a state, from that by the state after it and that by its token.
+// The gradient with respect to a state, from those with respect to the state after it and to its token.
 FN void frame_back(const double* state, const double* scene, const float* said, const float* by_token, const double* behind, double* slope) {
     double by_change[STATE];
     for (int i = 0; i < 2 * NV; i++) slope[i] = 0;

@@ -1,5 +1,5 @@
-// Steps of a program whose slots fit into the memory that a block shares: a block a few windows of T tokens, which are ROWS rows. whole.rs writes
-// what calls them; products are in whole_f32.cuh and whole_f16.cuh.
+// Steps of a program whose slots fit into a block's shared memory: a block computes a few windows of T tokens, ROWS rows in all. whole.rs
+// writes the calls; matrix products are in whole_f32.cuh and whole_f16.cuh.
 
 #ifdef __CUDACC_RTC__
 #define FN static __device__ __forceinline__
@@ -28,7 +28,7 @@ FN float power(float x) {
 #endif
 }
 
-// Within 1e-6 of x (1 + erf(x / sqrt 2)) / 2: what a normal number has beyond |x| is 2 to a polynomial.
+// Within 1e-6 of x (1 + erf(x / sqrt 2)) / 2: the normal tail beyond |x| is 2 to the power of a polynomial.
 FN float gelu(float x) {
     const float y = fabsf(x);
     const float log = -1.0000377f + y * (-1.1507878f + y * (-0.45999244f + y * (-0.051827382f + y * (0.0070845573f - y * 0.00047330931f))));
@@ -68,7 +68,7 @@ template <int WIDE, int L> FN void norm(const float* x, float* y) {
     SYNC;
 }
 
-// x += P, of every place in a window.
+// x += P, at every position in a window.
 template <int WIDE, int L> FN void place(const float* table, float* x) {
     EACH(i, ROWS * WIDE) x[i / WIDE * L + i % WIDE] += table[i % (T * WIDE)];
     SYNC;

@@ -26,17 +26,17 @@ pub enum Products {
 pub struct Whole {
     /// Its text.
     pub text: String,
-    /// Threads that a block should have.
+    /// Threads of a block.
     pub threads: usize,
-    /// Windows that a block passes.
+    /// Windows that a block computes.
     pub windows: usize,
-    /// Bytes that it shares.
+    /// Shared bytes of a block.
     pub shared: usize,
     /// Arithmetic of the products.
     pub products: Products,
 }
 
-/// The network that a program is (`program/networks.rs`), if it is one of an architecture; a block's steps are so many.
+/// The shape of the network whose program this is (`program/networks.rs`), if it is one of this architecture.
 pub(super) fn shape(program: &Program, architecture: Architecture) -> Option<TransformerConfig> {
     let steps = program.steps.len();
     let (layers, block) = match architecture {
@@ -48,22 +48,22 @@ pub(super) fn shape(program: &Program, architecture: Architecture) -> Option<Tra
     (layers > 0 && shape.program() == *program).then_some(shape)
 }
 
-/// A chain's program; none of another form, or where it does not fit.
+/// A chain's program; `None` for another network, or where it does not fit.
 pub(super) fn chain(program: &Program, tokens: usize) -> Option<Whole> {
     let TransformerConfig { inputs, outputs, embedding: e, .. } = shape(program, Architecture::Chain)?;
     let [embed, place, blocks @ .., _, out] = &program.steps[..] else { return None };
     let Op::Place(table) = place.op else { return None };
     let starts = program.starts();
-    // Numbers from one row to the next in shared memory, so that threads which read at once read different banks.
+    // Stride between rows in shared memory, such that threads which read at once read different banks.
     let apart = |width: usize| width.next_multiple_of(4) + 4;
-    // Of h, of what is normed, and of what is active.
+    // Sizes of the stream h, of the normalised rows, and of the activations.
     let (row, size) = (apart(e), tokens * apart(e));
 
     let linear = |step: &Step, (x, apart_x): (&str, usize), (parts, off): (usize, usize), (y, apart_y): (&str, usize), f: &str| {
         let Op::Linear { weight, bias, add, .. } = step.op else { return None };
         let (inner, wide) = (program.width(step.from) / parts, program.width(step.to));
         let bias = bias.map_or_else(|| "(const float*)0".into(), |bias| format!("w + {}", starts[bias.0]));
-        // Four weights are read at once.
+        // Weights are read four at a time.
         let aligned = !wide.is_multiple_of(4) || starts[weight.0].is_multiple_of(4);
         let sizes = format!("<{inner}, {parts}, {wide}, {apart_x}, {apart_y}, {add}, {f}>");
         aligned.then(|| format!("    linear{sizes}({x}, {off}, w + {}, {bias}, {y}, none, rows);\n", starts[weight.0]))
@@ -82,7 +82,7 @@ pub(super) fn chain(program: &Program, tokens: usize) -> Option<Whole> {
     pass += &norm;
     pass += &linear(out, normed, (1, 0), ("out", outputs), "same")?;
 
-    // Zeros in place of a row.
+    // A row of zeros beyond the ends of a window.
     let zeros = program.widths.iter().map(|width| apart(*width)).max()?;
     let (most, floats) = (3 * size, 3 * size + zeros);
     let warps = (e.max(outputs).div_ceil(4) * tokens.div_ceil(4)).div_ceil(32).min(MOST_WARPS);

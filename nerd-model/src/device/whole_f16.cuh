@@ -1,6 +1,7 @@
-// A residual network: a block has ROWS rows, whose stream stays in registers as the sums of products on tensor cores. Operands are f16 (10-bit
-// mantissa, as TF32's), sums f32. Every matrix is E columns wide, narrower ones padded, and each warp has E / WARPS columns of all rows: it alone
-// reads those weights, once, in the order in which residual.rs packs them, AHEAD steps of sixteen inner numbers before they are needed.
+// A residual network: a block has ROWS rows, whose stream stays in registers as the sums of matrix products on tensor cores. Operands are
+// f16 (10-bit mantissa, like TF32's), sums f32. Every matrix is E columns wide, narrower ones are padded. Each warp has E / WARPS columns
+// of all rows: it alone reads these weights, once, in the order in which residual.rs packs them, AHEAD steps of sixteen inner numbers
+// ahead.
 
 constexpr int WIDE = 3;                                   // hidden units by E
 constexpr int TILES = E / 8 / WARPS, BANDS = ROWS / 16;   // tiles of mma.m16n8k16: of a warp's columns, of all rows
@@ -71,7 +72,7 @@ template <int N, int LD> FN void product(const half* x, Weights& w, Sum& sum) {
     for (int step = 0; step < N; step += AHEAD) {
 #pragma unroll
         for (int slot = 0; slot < AHEAD; slot++) {
-            // Those of the next step, of the last one what stands behind the row.
+            // Operands of the next step; for the last step, memory behind the row.
             operands(a[(slot + 1) % 2], from += 32, LD);
 #pragma unroll
             for (int j = 0; j < TILES; j++)
@@ -84,7 +85,7 @@ template <int N, int LD> FN void product(const half* x, Weights& w, Sum& sum) {
                         : "r"(own[0]), "r"(own[1]), "r"(own[2]), "r"(own[3]), "r"(w.ring[slot][j].x), "r"(w.ring[slot][j].y));
                 }
             ahead(w, slot);
-            // Or else the compiler puts off all reads to the end of the turn, just before they are needed.
+            // Otherwise the compiler delays all reads to the end of the loop body, just before they are needed.
             __syncwarp();
         }
     }
@@ -129,7 +130,8 @@ template <int N, int LD> FN void product(const half* x, Weights& w, Sum& sum) {
 }
 #endif
 
-// The same nearly in f32: rows and matrix are sums of f16 and what that leaves, whose product with each other is left out. Then all may write rows.
+// Nearly f32: rows and matrix are each f16 plus its rounding residual; the product of the two residuals is left out. Afterwards all threads
+// may write rows.
 template <int N> FN void exact(const half* x, const half* left, Weights& w, Sum& sum) {
 #pragma unroll 1
     for (int part = 0; part < 3; part++) product<N, LX>(part < 2 ? x : left, w, sum);
@@ -143,7 +145,7 @@ FN void fill(Sum& sum, const float* bias) {
     });
 }
 
-// Two numbers of a row, and what f16 leaves of them if there is a place for that.
+// Two numbers of a row as f16, and their rounding residuals if there is room for them.
 FN void put(half* to, half* left, float a, float b) {
     put(to, a, b);
     if (left) put(left, rest(a), rest(b));
@@ -186,7 +188,7 @@ FN void norm(Sum& x, const float* weight, float* parts, half* y, half* left) {
 }
 
 FN void pass(const float* w, const float* tokens, float* out, float* s, int rows) {
-    // Active rows are in two places by turns, where at the ends is what f16 leaves of x.
+    // Activations alternate between two buffers; at the start and the end their memory holds the rounding residual of x.
     half *x = (half*)s, *h = x + ROWS * LX;
     float* parts = (float*)(h + ROWS * (LX > 2 * LH ? LX : 2 * LH));
     const float* vectors = w + (STEPS + AHEAD) * 8 * E;   // of E numbers each
@@ -207,13 +209,13 @@ FN void pass(const float* w, const float* tokens, float* out, float* s, int rows
         norm(stream, vectors += E, parts, x, 0);
 #pragma unroll 1
         for (int k = 0; k < WIDE; k++) {
-            // Where the last but one was, which all have read.
+            // The buffer of the step before last, which all threads have read.
             half* here = h + k % 2 * ROWS * LH;
 #pragma unroll 1
             for (int part = 0; part < 2; part++) {
                 fill(wide, 0);
                 product<E / 16, LX>(x, weights, wide);
-                // Side by side are the two halves of a hidden unit.
+                // The two halves of a hidden unit are side by side.
                 each(wide, [&](int, int row, int c, float& a, float& b) { put(here + row * LH + (part * E + c) / 2, gelu(a) * b); });
             }
             SYNC;

@@ -4,7 +4,7 @@ FN float factor(float x) { return x; }
 
 struct Four { float x[4]; };
 
-// Four numbers from an address that four divide; of the last ones of a row no more than there are.
+// Four numbers from an address that is a multiple of four; near the end of a row only those that exist.
 FN Four four(const float* p) {
 #ifdef __CUDACC_RTC__
     const float4 v = *(const float4*)p;
@@ -20,8 +20,8 @@ template <int OUT> FN Four weights(const float* row, int c) {
     return b;
 }
 
-// y = f(x W + bias), or y += where ADD: four rows and four columns a thread. x has PARTS rows side by side, of WIDE numbers each and `off` tokens
-// apart, and none beyond the ends of a window. Rows of x are LX numbers apart, of y LY.
+// y = f(x W + bias), or y += with ADD: four rows and four columns a thread. A row of x is PARTS rows of WIDE numbers side by side, `off`
+// tokens apart, with zeros beyond the ends of a window. Rows of x are LX numbers apart, rows of y LY.
 template <int WIDE, int PARTS, int OUT, int LX, int LY, bool ADD, float (*F)(float)>
 FN void linear(const float* x, int off, const float* w, const float* bias, float* y, const float*, int) {
     constexpr int COLUMNS = (OUT + 3) / 4, QUADS = (T + 3) / 4;

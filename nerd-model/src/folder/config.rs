@@ -1,5 +1,5 @@
-//! `config.json`: what was learned, from what data and how. It is written last, so a folder that has it is complete. And why a model
-//! cannot be loaded or saved.
+//! `config.json`: the robot, the data and the training of a model. It is written last, so a folder that has it is complete. Also the errors
+//! of loading and saving a model.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -14,23 +14,23 @@ use crate::prelude::*;
 use crate::transformer::{Architecture, TransformerConfig};
 use crate::{base::Base, features::Features, program::config::usual};
 
-/// What was learned, from what, how; `config.json`.
+/// Robot, data and training of a model; `config.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ModelConfig {
     /// Name of the robot.
     pub robot: String,
-    /// Hash of what of the robot decides its motion ([`System::robot_sha256`]).
+    /// Hash of the parts of the robot that determine its motion ([`System::robot_sha256`]).
     pub robot_sha256: String,
-    /// The solver and preset that is the truth, for example `articulated accurate`.
+    /// The solver and preset whose motion it learned, for example `articulated accurate`.
     pub truth: String,
-    /// What its predictions are added to.
+    /// The base to which its predictions are added.
     #[serde(default)]
     pub base: Base,
-    /// Where its tokens are seen from.
+    /// Content of its tokens.
     #[serde(default, skip_serializing_if = "usual")]
     pub view: View,
-    /// Whether its tokens end with what was drawn of their robot.
+    /// Whether its tokens end with the drawn parameters of their robot.
     #[serde(default, skip_serializing_if = "usual")]
     pub told: bool,
     /// Shape of the network.
@@ -45,13 +45,13 @@ pub struct ModelConfig {
     pub updates: u64,
     /// Windows in an update.
     pub batch: usize,
-    /// Everything else worth knowing: command, machine, commit, seed, minutes.
+    /// Everything else worth recording: command, machine, commit, seed, minutes.
     #[serde(default)]
     pub provenance: BTreeMap<String, String>,
 }
 
 impl ModelConfig {
-    /// That of a model's folder. Its network can be, whatever the other files hold.
+    /// Reads the configuration of a model's folder. Its network is checked to be possible, whatever the other files hold.
     pub fn read(folder: &Path) -> Result<Self, ModelError> {
         let path = folder.join("config.json");
         let config: Self = read_json(&path)?;
@@ -59,17 +59,17 @@ impl ModelConfig {
         Ok(config)
     }
 
-    /// The truth of the model in a folder.
+    /// The solver whose motion the model in a folder learned.
     pub fn truth_of(folder: &Path) -> Result<Truth, ModelError> {
         Truth::named(&Self::read(folder)?.truth).map_err(|e| wrong(&folder.join("config.json"), e))
     }
 
-    /// In which form it sees and predicts motion.
+    /// Form of its tokens and predictions.
     pub fn form(&self) -> Form {
         Form { base: self.base, view: self.view, told: self.told }
     }
 
-    /// Refuses another robot's model, and one of another truth if one is named; by name, as far as names go.
+    /// Refuses a model whose robot's name, or truth if one is given, differs, or whose widths do not fit the robot.
     pub(super) fn check(&self, folder: &Path, system: &System, truth: Option<&str>) -> Result<(), ModelError> {
         for (what, found, wanted) in [("robot", &self.robot, &*system.name), ("truth", &self.truth, truth.unwrap_or(&self.truth))] {
             if found != wanted {
@@ -113,12 +113,12 @@ pub enum ModelError {
         /// One line.
         reason: String,
     },
-    /// The model of a chain, and a robot that it cannot be of.
+    /// A chain's model, and a robot that is not a chain.
     #[error(transparent)]
     Chain(#[from] NoChain),
 }
 
-/// What is wrong with a file or folder.
+/// An error about a file or folder.
 pub(super) fn wrong(path: &Path, reason: impl ToString) -> ModelError {
     ModelError::Folder { path: path.into(), reason: reason.to_string() }
 }

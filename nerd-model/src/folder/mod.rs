@@ -1,6 +1,6 @@
 //! A model is a folder: `config.json`, `normalizer.json`, `model.safetensors` and a card, `README.md`.
 //!
-//! Models are identified by content. `config.json` holds a hash of the robot that was learned and one of all that decides predictions:
+//! Models are identified by content. `config.json` holds a hash of the learned robot and one of everything that determines predictions:
 //! shape of the network, form, normaliser, weights. So another robot of the same name is refused, and so is a file that was changed,
 //! truncated or copied from another folder.
 
@@ -22,7 +22,7 @@ use config::{read_json, wrong};
 /// A trained network with its normaliser and its provenance.
 #[derive(Clone, Debug)]
 pub struct Model {
-    /// What it is.
+    /// Its description.
     pub config: ModelConfig,
     /// Shift and scale of its inputs and outputs.
     pub normalizer: Normalizer,
@@ -31,8 +31,8 @@ pub struct Model {
 }
 
 impl Model {
-    /// Loads the model of `system` from a folder; refuses one of another robot, one that learned another `truth` if one is named (such as
-    /// `articulated accurate`, as its card says), and one whose files are not those it was written with.
+    /// Loads the model of `system` from a folder. Refuses a model of another robot, of another `truth` if one is given (such as
+    /// `articulated accurate`, as its card says), or with files that differ from those it was saved with.
     pub fn load(folder: &Path, system: &System, truth: Option<&str>) -> Result<Self, ModelError> {
         let model = Self::read(folder, system, truth)?;
         let ModelConfig { robot, robot_sha256, model_sha256, .. } = &model.config;
@@ -50,7 +50,7 @@ impl Model {
         Ok(model)
     }
 
-    /// The same without a look at the hashes: for [`Model::stamp`].
+    /// The same without checking the hashes: for [`Model::stamp`].
     pub fn read(folder: &Path, system: &System, truth: Option<&str>) -> Result<Self, ModelError> {
         let config = ModelConfig::read(folder)?;
         config.check(folder, system, truth)?;
@@ -61,7 +61,7 @@ impl Model {
             check(moments, width).map_err(|reason| wrong(&path, format!("{name}: {reason}")))?;
         }
         let path = folder.join("model.safetensors");
-        // A file that cannot be the network's is not even read.
+        // A file of a size that the network cannot have is not even read.
         let size = std::fs::metadata(&path).map_err(|e| wrong(&path, e))?.len();
         Weights::check_size(&config.network, size).map_err(|e| wrong(&path, e))?;
         let bytes = nerd_sim::files::read(&path).map_err(|e| wrong(&path, e))?;
@@ -69,7 +69,7 @@ impl Model {
         Ok(Self { config, normalizer, weights })
     }
 
-    /// SHA-256 of all that decides its predictions, as lower-case hex: truth, form, shape of the network, moments, weights.
+    /// SHA-256 of everything that determines its predictions, as lower-case hex: truth, form, shape of the network, moments, weights.
     pub fn sha256(&self) -> String {
         let ModelConfig { truth, base, view, network, .. } = &self.config;
         let shape = serde_json::to_string(&(truth, base, view, network)).unwrap_or_default();
@@ -85,7 +85,7 @@ impl Model {
             column.iter().for_each(|x| hash.update(x.to_le_bytes()));
         }
         [inputs, outputs].iter().for_each(|moments| hash.update(moments.epsilon.to_le_bytes()));
-        // In pieces, since a hash that is fed four bytes at a time takes most of a second over a large network.
+        // In pieces, since hashing a large network four bytes at a time takes most of a second.
         for piece in self.weights.flat.chunks(4096) {
             hash.update(piece.iter().flat_map(|w| w.to_le_bytes()).collect::<Vec<u8>>());
         }
@@ -98,14 +98,14 @@ impl Model {
         self.config.model_sha256 = self.sha256();
     }
 
-    /// Writes the folder, `config.json` last; `card` becomes its `README.md`. The configuration's `model_sha256` is made here.
-    /// A weight that is not a number as it would be stored is refused.
+    /// Writes the folder, `config.json` last; `card` becomes its `README.md`. The configuration's `model_sha256` is computed here. Refuses
+    /// weights that are not finite once stored.
     pub fn save(&self, folder: &Path, card: &str, storage: Storage) -> Result<(), ModelError> {
         let (moments_path, weights_path) = (folder.join("normalizer.json"), folder.join("model.safetensors"));
         let metadata = HashMap::from([("robot".into(), self.config.robot.clone())]);
         let bytes = self.weights.to_bytes(metadata, storage).map_err(|e| wrong(&weights_path, e))?;
         let moments = json(&self.normalizer, &moments_path)?;
-        // As they will be read: storage may round, and serde_json reads some numbers a last bit beside what was written.
+        // As they will be read: storage may round, and serde_json may read a number with its last bit changed.
         let normalizer = serde_json::from_slice(&moments).map_err(|e| wrong(&moments_path, e))?;
         let weights = Weights::from_bytes(self.config.network, &bytes).map_err(|e| wrong(&weights_path, e))?;
         let stored = Self { config: self.config.clone(), normalizer, weights };
@@ -121,7 +121,7 @@ fn json(value: &impl serde::Serialize, path: &Path) -> Result<Vec<u8>, ModelErro
     Ok((serde_json::to_string_pretty(value).map_err(|e| wrong(path, e))? + "\n").into_bytes())
 }
 
-/// The start of a hash, enough to tell two apart.
+/// The start of a hash, long enough to distinguish two.
 fn short(hash: &str) -> &str {
     hash.get(..12).unwrap_or(hash)
 }

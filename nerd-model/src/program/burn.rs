@@ -1,4 +1,4 @@
-//! Programs in burn: what each operation means, which the other engines are tested against, and what computes on any device of burn.
+//! Programs in burn: the definition of each operation, against which the other engines are tested, and an engine for any device of burn.
 
 use burn::tensor::activation::{gelu, relu, softmax};
 use burn::tensor::{Device, Gradients, Tensor, TensorData};
@@ -30,8 +30,7 @@ impl BurnNetwork {
         Tensor::from_data(TensorData::new(rows, [windows, tokens, width]), &self.device)
     }
 
-    /// Predictions `[windows, tokens, outputs]` for normalised inputs `[windows, tokens, inputs]`, oldest token first; none sees
-    /// a younger one.
+    /// Predictions `[windows, tokens, outputs]` for normalised inputs `[windows, tokens, inputs]`, oldest token first; causal.
     pub fn forward(&self, x: Tensor<3>) -> Tensor<3> {
         let [windows, tokens, inputs] = x.dims();
         let mut slots: Vec<Option<Tensor<2>>> = vec![None; self.program.widths.len()];
@@ -87,7 +86,7 @@ impl BurnNetwork {
     }
 }
 
-/// Rows `[q k v]` of windows to mixed values; with a band and frequencies, queries and keys are turned.
+/// Rows `[q k v]` of windows to mixed values; with a band and frequencies, queries and keys are rotated.
 fn attend(qkv: Tensor<2>, heads: usize, tokens: usize, rotary: Option<(usize, &[f64])>) -> Tensor<2> {
     let ([rows, width], device) = (qkv.dims(), qkv.device());
     let (windows, e, d) = (rows / tokens, width / 3, width / 3 / heads);
@@ -104,7 +103,7 @@ fn attend(qkv: Tensor<2>, heads: usize, tokens: usize, rotary: Option<(usize, &[
     softmax(scores, 3).matmul(v).swap_dims(1, 2).reshape([rows, e])
 }
 
-/// Turns the columns m and m + d/2 of `[windows, heads, tokens, d]` together, by the angles of a token's place.
+/// Rotates the column pairs (m, m + d/2) of `[windows, heads, tokens, d]` by the angles of a token's position.
 fn turn(x: Tensor<4>, frequencies: &[f64]) -> Tensor<4> {
     let ([_, _, tokens, d], device) = (x.dims(), x.device());
     let angles = |f: fn(f64) -> f64| -> Tensor<4> {
@@ -116,7 +115,7 @@ fn turn(x: Tensor<4>, frequencies: &[f64]) -> Tensor<4> {
     Tensor::cat(vec![a.clone() * cos.clone() - b.clone() * sin.clone(), a * sin + b * cos], 3)
 }
 
-/// Rows `[windows tokens, width]` beside those of the tokens before and after.
+/// Rows `[windows tokens, width]` concatenated with the rows of the tokens before and after.
 fn neighbours(x: Tensor<2>, tokens: usize, apart: usize) -> Tensor<2> {
     let ([rows, width], device) = (x.dims(), x.device());
     let (x, beyond) = (x.reshape([rows / tokens, tokens, width]), Tensor::<3>::zeros([rows / tokens, apart, width], &device));

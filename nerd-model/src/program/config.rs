@@ -3,7 +3,7 @@
 use nerd_sim::range::within;
 use serde::{Deserialize, Serialize};
 
-/// What maps windows to predictions.
+/// Architecture that maps windows to predictions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Architecture {
@@ -16,7 +16,7 @@ pub enum Architecture {
     Chain,
 }
 
-/// What is left out of files.
+/// Whether a value is the default, which files leave out.
 pub(crate) fn usual<T: Default + PartialEq>(x: &T) -> bool {
     *x == T::default()
 }
@@ -45,7 +45,7 @@ pub struct TransformerConfig {
     /// How a token's position in time is encoded.
     #[serde(default)]
     pub positions: Positions,
-    /// What is between tokens and head; of another one, `embedding` is the width, and `heads` and `block` mean nothing.
+    /// Network between tokens and head; for others than the Transformer `embedding` is the width, and `heads` and `block` are unused.
     #[serde(default, skip_serializing_if = "usual")]
     pub architecture: Architecture,
 }
@@ -61,8 +61,8 @@ pub enum Positions {
     Rotary,
 }
 
-/// Angle per token of the pair of columns 0; that of pair m of a head of width d is `ROTARY_BASE^(-2m/d)`. Smaller than
-/// the 10 000 of language models, whose contexts are thousands of tokens long.
+/// Angle per token of column pair 0; pair m of a head of width d has `ROTARY_BASE^(-2m/d)` times it. Smaller than the 10 000 of language
+/// models, whose contexts are thousands of tokens long.
 const ROTARY_BASE: f64 = 100.0;
 
 /// Most parameters of a network: 4 GiB of weights.
@@ -83,8 +83,8 @@ impl TransformerConfig {
         }
     }
 
-    /// Frames that a prediction depends on, its own included: the window, or where positions are rotary `history - 1` more
-    /// for every layer, since what a layer keeps of a token holds what the layer below saw from there.
+    /// Frames that a prediction depends on, its own included: the window. With rotary positions, `history - 1` more for every layer, since
+    /// a layer's stored keys and values already depend on earlier tokens.
     pub fn reach(&self) -> usize {
         match (self.positions, self.architecture) {
             (Positions::Rotary, Architecture::Transformer) => self.layers * (self.history - 1) + 1,
@@ -92,15 +92,15 @@ impl TransformerConfig {
         }
     }
 
-    /// Angle (rad) by which each pair of a head's columns is turned from one token to the next, `[d / 2]`: columns m and
-    /// m + d/2 are turned together.
+    /// Angle (rad) by which each pair of a head's columns is rotated from one token to the next, `[d / 2]`; columns m and m + d/2 form a
+    /// pair.
     pub fn frequencies(&self) -> impl Iterator<Item = f64> {
         let half = self.embedding / self.heads / 2;
         (0..half).map(move |m| ROTARY_BASE.powf(-(m as f64) / half as f64))
     }
 
-    /// Refuses a shape that cannot be, by its key. What passes has at most 2^30 parameters, so that no count of it
-    /// overflows and its memory is known before any is taken.
+    /// Refuses an impossible shape, naming the key. An accepted shape has at most 2^30 parameters, so that no count overflows and its
+    /// memory is known before any is allocated.
     pub fn check(&self) -> Result<(), String> {
         let Self { inputs, outputs, embedding, layers, heads, block, history, head, .. } = *self;
         let counts = [
@@ -113,7 +113,7 @@ impl TransformerConfig {
             ("`history`", history, block.min(1024)),
         ];
         counts.iter().try_for_each(|(key, found, most)| within(key, *found as f64, 1.0..=*most as f64, ""))?;
-        // They mean something to the Transformer alone.
+        // These keys apply to the Transformer alone.
         if self.architecture == Architecture::Transformer {
             within("`embedding`", embedding as f64, 2.0..=4096.0, "")?;
             let (even, most) = match self.positions {

@@ -4,7 +4,7 @@ use super::config::{Architecture, Positions, TransformerConfig};
 use super::op::{Activation, Init, Op, Program, Step, TensorSpec};
 
 impl TransformerConfig {
-    /// What the network does.
+    /// The network's operations.
     pub fn program(&self) -> Program {
         match self.architecture {
             Architecture::Transformer => transformer(self),
@@ -31,9 +31,9 @@ impl TransformerConfig {
 /// bias, and the head `W_2 relu(W_1 x + b_1) + b_2`. Inside the blocks no biases; `LN` has a weight only. Attention is
 /// `[q k v] = x W_qkv`, mixed by heads, times `W_proj`.
 ///
-/// With [`Positions::Rotary`] there is no table P: queries and keys are turned by angles proportional to their place (Su et
-/// al. 2021), so that only distances in time count, and a token sees the last h tokens alone. Then keys and values never
-/// change once computed, and a rollout evaluates one token a frame.
+/// With [`Positions::Rotary`] there is no table P: queries and keys are rotated by angles proportional to their position (Su et al. 2021),
+/// so that only distances in time count, and a token attends to the last h tokens alone. Then keys and values never change once computed,
+/// and a rollout evaluates one token a frame.
 fn transformer(c: &TransformerConfig) -> Program {
     let (e, small, scaled) = (c.embedding, Init::Normal(0.02), Init::Normal(0.02 / (2.0 * c.layers as f64).sqrt()));
     let mut p = Program::new(c.inputs);
@@ -66,8 +66,8 @@ fn transformer(c: &TransformerConfig) -> Program {
 }
 
 /// The Transformer of a single token: attention over one key is the value itself, so it is left out. Its perceptrons are gated, since
-/// dynamics is full of products: `x += W_down (gelu(a) b)`, `[a b] = W_gated LN(x)`, a and b of three times the width. The head is
-/// linear, `W_out LN(x) + b_out`.
+/// dynamics is full of products: `x += W_down (gelu(a) b)`, `[a b] = W_gated LN(x)`, a and b three times as wide as x. The head is linear,
+/// `W_out LN(x) + b_out`.
 fn residual(c: &TransformerConfig) -> Program {
     let (small, scaled) = (Init::Normal(0.02), Init::Normal(0.02 / (c.layers as f64).sqrt()));
     let mut p = Program::new(c.inputs);
@@ -86,12 +86,12 @@ fn residual(c: &TransformerConfig) -> Program {
     p
 }
 
-/// Actor and critic: one trunk over a single observation, with heads for mean action, value and, by state, the
-/// logarithm of the action's spread.
+/// Actor and critic: one trunk over a single observation, with heads for mean action, value and, if state-dependent, the logarithm of the
+/// action's standard deviation.
 ///
-/// `x -> f(W x + b)` between these `widths`, the first that of an observation, f nothing in front of the last. A spread that is the same
-/// in all states is the last tensor, `log_std`, of so many numbers, which no step reads. Initial weights uniform in +-1/sqrt(fan in),
-/// biases and spread 0.
+/// `x -> f(W x + b)` between these `widths`, the first an observation's, no f before the last. A standard deviation that is the same in all
+/// states is the last tensor, `log_std`, of `spread` numbers, which no step reads. Initial weights are uniform in +-1/sqrt(fan in), biases
+/// and `log_std` 0.
 pub fn policy(widths: &[usize], f: Activation, spread: Option<usize>) -> Program {
     let (inputs, layers) = (widths.first().copied().unwrap_or(0), widths.len().saturating_sub(1));
     let mut p = Program::new(inputs);
@@ -109,14 +109,14 @@ pub fn policy(widths: &[usize], f: Activation, spread: Option<usize>) -> Program
     p
 }
 
-/// How far apart the rods are that look at each other, block by block: with eight blocks each of forty sees all others.
+/// Distance of the rods that are mixed, block by block: after eight blocks each of forty rods depends on all others.
 const APART: [usize; 8] = [1, 2, 4, 8, 16, 4, 2, 1];
 
 /// A network along a chain, whose tokens are its rods in one frame ([`crate::chain`]).
 ///
 /// `h = W_in u + b_in + P[k]`, then per block `h += W_mix gelu(W_near [n_{k-d} n_k n_{k+d}] + b)` with `n = norm(h)` and d = 1, 2, 4, 8,
-/// 16, 4, 2, 1, and so on from the start; at last `W_out norm(h) + b_out`. Outputs begin small, so that a chain that has learned
-/// nothing goes straight on. No norm has a weight: the next matrix would absorb it.
+/// 16, 4, 2, 1, and so on from the start; at last `W_out norm(h) + b_out`. Initial outputs are small, so that an untrained chain keeps its
+/// velocity. No norm has a weight: the next matrix would absorb it.
 fn chain(c: &TransformerConfig) -> Program {
     let (e, none) = (c.embedding, Init::Constant(0.0));
     let spread = |fan: usize, share: f64| Init::Normal(share / (fan as f64).sqrt());

@@ -36,20 +36,20 @@ pub enum Op {
         scale: Option<Weight>,
         /// `[out]`.
         bias: Option<Weight>,
-        /// Whether y keeps what it was.
+        /// Whether it is added to y.
         add: bool,
     },
-    /// `y = x + P[k]` in place, k the place of a token in its window.
+    /// `y = x + P[k]` in place, k the position of a token in its window.
     Place(Weight),
     /// `y = (x - mean) / sqrt(variance + 1e-5)` of every row, the variance biased.
     Norm,
-    /// `y = softmax(q k^T / sqrt(d) + M) v` by heads of width d, x being `[q k v]`; M is 0 where a token may look at another and -inf
+    /// `y = softmax(q k^T / sqrt(d) + M) v` by heads of width d, with `x = [q k v]`; M is 0 where a token attends to another and -inf
     /// elsewhere.
     Attend {
         /// Equal parts of q, k and v.
         heads: usize,
-        /// Most tokens that a token sees, itself included, queries and keys being turned by their places; none: all older ones of
-        /// its window, and nothing is turned.
+        /// Number of tokens that a token attends to, itself included, with queries and keys rotated by their positions. None: all older
+        /// ones of its window, without rotation.
         band: Option<usize>,
     },
     /// `y_k = [x_{k-d} x_k x_{k+d}]`, d tokens apart in a window, zeros beyond its ends.
@@ -67,11 +67,11 @@ pub struct Step {
     pub from: Slot,
     /// Slot that is written.
     pub to: Slot,
-    /// What is done.
+    /// The operation.
     pub op: Op,
 }
 
-/// A network: its parameters, and what is done with them. Slot 0 holds tokens, the last step writes predictions.
+/// A network: its parameters and operations. Slot 0 holds tokens, the last step writes predictions.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Program {
     /// Parameters in the order of the flat vector.
@@ -80,12 +80,12 @@ pub struct Program {
     pub widths: Vec<usize>,
     /// In order.
     pub steps: Vec<Step>,
-    /// Angle (rad) by which each pair of a head's columns is turned from one token to the next, where that encodes places.
+    /// Angle (rad) by which each pair of a head's columns is rotated from one token to the next, for rotary positions.
     pub frequencies: Vec<f64>,
 }
 
 impl Program {
-    /// Nothing yet, for tokens of a width.
+    /// An empty program for tokens of `inputs` numbers.
     pub fn new(inputs: usize) -> Self {
         Self { widths: vec![inputs], ..Self::default() }
     }
@@ -181,7 +181,7 @@ impl TensorSpec {
     }
 }
 
-/// Numbers from one row of tokens to the next on a card: cuBLAS likes rows aligned.
+/// Stride of token rows on a GPU: cuBLAS is faster with aligned rows.
 pub fn padded(inputs: usize) -> usize {
     inputs.next_multiple_of(4)
 }

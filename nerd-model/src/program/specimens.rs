@@ -1,4 +1,4 @@
-//! Small programs around every operation, and of every network, with what burn computes of them: what other engines are tested against.
+//! Test programs, one around every operation and one of every network, with burn's results, against which other engines are tested.
 
 use burn::tensor::{Device, Tensor};
 
@@ -6,9 +6,9 @@ use super::burn::BurnNetwork;
 use super::config::{Architecture, Positions, TransformerConfig};
 use super::{Activation, Init, Op, Program, Slot, Step, policy};
 
-/// A program with numbers for all that it reads.
+/// A program with parameters, tokens and an upstream gradient.
 pub struct Specimen {
-    /// What it shows.
+    /// Name of the operation or network.
     pub name: String,
     /// For tokens of a few numbers.
     pub program: Program,
@@ -16,7 +16,7 @@ pub struct Specimen {
     pub flat: Vec<f32>,
     /// Tokens `[WINDOWS][TOKENS][inputs]`.
     pub tokens: Vec<f32>,
-    /// Gradient by the predictions, `[WINDOWS][TOKENS][outputs]`.
+    /// Upstream gradient with respect to the predictions, `[WINDOWS][TOKENS][outputs]`.
     pub upstream: Vec<f32>,
 }
 
@@ -37,7 +37,7 @@ impl Specimen {
         }
     }
 
-    /// Predictions, and gradients by parameters and by tokens, of the definition.
+    /// Predictions, and gradients with respect to parameters and tokens, by burn, which defines them.
     pub fn by_burn(&self) -> [Vec<f32>; 3] {
         let network = BurnNetwork::new(self.program.clone(), &self.flat, &Device::flex().autodiff());
         let tensor = |x: &[f32]| network.tensor(x.to_vec(), WINDOWS, TOKENS);
@@ -50,7 +50,7 @@ impl Specimen {
     }
 }
 
-/// A linear step, the operation, and a linear step: what follows an operation is no plain sum, what is before it has weights.
+/// A linear step, the operation, and a linear step: the upstream gradient is no constant, and weights precede the operation.
 fn around(name: &str, width: usize, operation: impl Fn(&mut Program, Slot)) -> Specimen {
     let mut p = Program::new(3);
     let x = p.linear("first", p.tokens(), width, [Init::Normal(0.8), Init::Normal(0.5)]);

@@ -1,6 +1,6 @@
-//! Networks over whole windows: the interface to any engine, and the one of the CPU.
+//! Networks over whole windows: the interface to any engine, and the CPU's engine.
 //!
-//! There rows are cut into blocks whose activations stay in the second-level cache, one block to a thread at a time, and after the last
+//! On the CPU rows are split into blocks whose activations stay in the second-level cache, one block to a thread at a time. After the last
 //! mixing of tokens only the newest are computed.
 
 use rayon::prelude::*;
@@ -9,7 +9,7 @@ use super::weights::Weights;
 use crate::program::config::{Positions, TransformerConfig};
 use crate::program::cpu::{Loaded, Memory, Pass};
 
-/// Evaluates a network on windows; what computes it is the implementer's business.
+/// Evaluates a network on windows, on any engine.
 pub trait Forward: Send {
     /// Predictions at the newest token of each window, in normalised target units.
     ///
@@ -44,7 +44,7 @@ pub(crate) fn check(config: &TransformerConfig, inputs: &[f32], tokens: usize, l
 
 pub(super) const ROWS: usize = 512;
 
-/// Even blocks of `n` things, of at most so many, and as many blocks as keep every thread busy.
+/// Block size for `n` items: even blocks of at most `most`, and enough of them to keep every thread busy.
 pub(crate) fn even(n: usize, most: usize) -> usize {
     let threads = rayon::current_num_threads();
     n.div_ceil(threads * n.div_ceil(threads * most).max(1)).max(1)

@@ -17,7 +17,7 @@ pub use rotary::PackedStream;
 pub use stream::{Stream, Windowed};
 pub use weights::{Storage, Weights, WeightsError};
 
-/// The fastest evaluator on the CPU: remembering if a network's positions allow it, or else recomputing windows.
+/// The fastest evaluator on the CPU: a stream with memory if the network's positions allow it, otherwise recomputed windows.
 pub fn packed(weights: &Weights) -> Box<dyn Stream> {
     match (weights.config.architecture, weights.config.positions) {
         (Architecture::Transformer, Positions::Rotary) => Box::new(PackedStream::new(weights)),

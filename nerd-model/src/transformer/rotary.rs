@@ -12,7 +12,7 @@ use super::weights::Weights;
 use crate::program::config::{Positions, TransformerConfig};
 use crate::program::cpu::{Loaded, Memory, Pass, Ring};
 
-/// A network that remembers.
+/// A network with memory of earlier tokens.
 pub struct PackedStream {
     network: Network,
     envs: Vec<Env>,
@@ -22,7 +22,7 @@ pub struct PackedStream {
 struct Network {
     config: TransformerConfig,
     loaded: Loaded,
-    /// Cosine and sine of a frame's turn, by pair of a head's columns.
+    /// Cosine and sine of a frame's rotation, by pair of a head's columns.
     turn: Vec<(f64, f64)>,
     /// Floats of the keys and values of a layer.
     ring: usize,
@@ -31,7 +31,7 @@ struct Network {
 struct Env {
     /// Tokens since it was cleared.
     taken: usize,
-    /// Cosine and sine of the newest one's place, by pair.
+    /// Cosine and sine of the newest token's position, by pair.
     place: Vec<(f64, f64)>,
     /// A ring of each layer.
     past: Vec<f32>,
@@ -40,7 +40,7 @@ struct Env {
 #[derive(Default)]
 struct Work {
     memory: Memory,
-    /// Cosines and sines of the tokens' places, `[env][2][d / 2]`.
+    /// Cosines and sines of the tokens' positions, `[env][2][d / 2]`.
     turns: Vec<f32>,
     shares: Vec<f32>,
 }
@@ -76,7 +76,7 @@ impl Stream for PackedStream {
         }
     }
 
-    /// Tokens taken, places, rings.
+    /// Token count, positions, rings.
     fn remembered(&self, env: usize) -> Result<Vec<f64>, ForwardError> {
         let Some(Env { taken, place, past }) = self.envs.get(env).filter(|env| env.taken > 0) else { return Ok(Vec::new()) };
         let places = place.iter().flat_map(|(cos, sin)| [*cos, *sin]);
@@ -101,7 +101,7 @@ impl Stream for PackedStream {
 }
 
 impl Work {
-    /// A token of each environment of a block, and its predictions.
+    /// Pushes a token of each environment of a block, and writes its predictions.
     fn push(&mut self, network: &Network, envs: &mut [Env], tokens: &[f32], out: &mut [f32]) {
         let Self { memory, turns, shares } = self;
         let TransformerConfig { embedding: e, heads, history, .. } = network.config;
@@ -126,7 +126,7 @@ impl Work {
 }
 
 impl Env {
-    /// Turns its place on.
+    /// Advances its position by one token.
     fn turn(&mut self, by: &[(f64, f64)]) {
         if self.taken == 0 {
             self.place.clear();

@@ -3,30 +3,30 @@
 use super::forward::{Forward, ForwardError};
 use crate::program::config::TransformerConfig;
 
-/// Evaluates a network one frame at a time, remembering what it needs of the frames before.
+/// Evaluates a network one frame at a time, with memory of earlier frames.
 ///
-/// A prediction is that of the training pass over all frames since the environment was cleared.
+/// A prediction equals the training pass's over all frames since the environment was cleared.
 pub trait Stream: Send {
-    /// One frame of every environment. `tokens` is `[env][inputs]`, normalised, row-major; predictions, in normalised target
-    /// units, replace `out`: `[env][outputs]`. The same number of environments in every call.
+    /// One frame of every environment. `tokens` is `[env][inputs]`, normalised, row-major; predictions, in normalised target units, replace
+    /// `out`: `[env][outputs]`. Every call has the same number of environments.
     fn push(&mut self, tokens: &[f32], out: &mut Vec<f32>) -> Result<(), ForwardError>;
 
     /// Forgets the frames of one environment.
     fn clear(&mut self, env: usize);
 
-    /// What it keeps of one environment, as numbers; of a network that sees one frame nothing, and nobody asks.
+    /// Memory of one environment as numbers; a network that sees one frame has none, and is never asked.
     fn remembered(&self, _env: usize) -> Result<Vec<f64>, ForwardError> {
         Ok(Vec::new())
     }
 
-    /// Keeps of one environment, of which there has been a frame, what was [`Self::remembered`] of another.
+    /// Restores an environment's memory from the [`Self::remembered`] numbers of another. The environment has stepped at least once.
     fn recall(&mut self, env: usize, _memory: &[f64]) -> Result<(), ForwardError> {
         self.clear(env);
         Ok(())
     }
 }
 
-/// A [`Stream`] that keeps the tokens which a prediction depends on ([`TransformerConfig::reach`]) and evaluates them as windows.
+/// A [`Stream`] that keeps the tokens on which a prediction depends ([`TransformerConfig::reach`]) and evaluates them as windows.
 pub struct Windowed<F> {
     forward: F,
     config: TransformerConfig,
@@ -98,7 +98,7 @@ impl<F: Forward> Stream for Windowed<F> {
     }
 }
 
-/// Refuses frames that do not fit a network; the number of environments.
+/// Refuses frames that do not fit a network; returns the number of environments.
 pub(super) fn check(config: &TransformerConfig, tokens: &[f32]) -> Result<usize, ForwardError> {
     let envs = tokens.len() / config.inputs;
     if envs * config.inputs != tokens.len() {

@@ -15,7 +15,7 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use crate::program::config::TransformerConfig;
 use crate::program::{Init, TensorSpec};
 
-/// Why a file's tensors are not those of a network, in one line.
+/// Why a file's tensors do not match a network, in one line.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 pub struct WeightsError(String);
@@ -31,8 +31,8 @@ impl From<safetensors::SafeTensorError> for WeightsError {
 pub enum Storage {
     /// As they are.
     F32,
-    /// Matrices of the blocks rounded to a mantissa of ten bits, which is all that training on tensor cores sees of them; what reads the
-    /// token and what makes the prediction stays as it is.
+    /// Matrices of the blocks rounded to a mantissa of ten bits, the precision that training on tensor cores uses. The first and the last
+    /// layers stay f32.
     F16,
 }
 
@@ -86,12 +86,12 @@ impl Weights {
         Ok(safetensors::serialize(views, Some(metadata))?)
     }
 
-    /// Refuses a configuration that cannot be, or a file of so many bytes that cannot be its: what is left to read takes no more
-    /// memory than the file.
+    /// Refuses an impossible configuration, or a file of `found` bytes whose size does not match it. So reading takes no more memory than
+    /// the file.
     pub fn check_size(config: &TransformerConfig, found: u64) -> Result<(), WeightsError> {
         config.check().map_err(WeightsError)?;
         let n = config.parameters() as u64;
-        // As f16, and as f32 with all that may be in the header.
+        // Smallest as f16, largest as f32 with the longest header.
         let (least, most) = (2 * n, 4 * n + (1 << 24));
         match (least..=most).contains(&found) {
             true => Ok(()),
@@ -99,7 +99,7 @@ impl Weights {
         }
     }
 
-    /// Reads the parameters of `config` from the bytes of a safetensors file: exactly its tensors, all of them finite.
+    /// Reads the parameters of `config` from the bytes of a safetensors file; requires exactly its tensors, all finite.
     pub fn from_bytes(config: TransformerConfig, bytes: &[u8]) -> Result<Self, WeightsError> {
         Self::check_size(&config, bytes.len() as u64)?;
         let (file, tensors) = (SafeTensors::deserialize(bytes)?, config.tensors());

@@ -1,4 +1,4 @@
-//! Small models of random weights, batches, and how numbers compare.
+//! Small models of random weights, batches, and comparisons of numbers.
 
 // Each test file is a crate of its own and uses a part of this.
 #![allow(dead_code)]
@@ -11,7 +11,7 @@ use nerd_sim::prelude::*;
 
 pub const POSITIONS: [Positions; 2] = [Positions::Table, Positions::Rotary];
 
-/// A model of `system` whose predictions are added to `base`; none of it is learned.
+/// An untrained model of `system` whose predictions are added to `base`.
 pub fn model(system: &Arc<System>, base: Base) -> Model {
     placed(system, base, Positions::Table)
 }
@@ -26,7 +26,7 @@ pub fn placed(system: &Arc<System>, form: impl Into<Form>, positions: Positions)
     unlearned(system, form, network, Normalizer { inputs: unit(inputs, 4.0), outputs: unit(outputs, 0.01) })
 }
 
-/// A model whose network sees one frame, [`View::Moving`], by the trapezoid; with the mean and variance of what it sees and says.
+/// A model with a one-frame network, [`View::Moving`] and the trapezoid base; `mean` and `said` set the moments of inputs and outputs.
 pub fn pure(system: &Arc<System>, mean: f64, said: f64) -> Model {
     let form = Form { view: View::Moving, ..Base::Trapezoid.into() };
     let (inputs, outputs) = (Features::inputs(system, form), Features::outputs(system));
@@ -36,7 +36,7 @@ pub fn pure(system: &Arc<System>, mean: f64, said: f64) -> Model {
     unlearned(system, form, network, Normalizer { inputs: unit(inputs, 1.0), outputs: unit(outputs, said) })
 }
 
-/// A model of random weights, three times as large as training begins with.
+/// A model of random weights, three times as large as initial ones.
 pub fn unlearned(system: &System, form: impl Into<Form>, network: TransformerConfig, normalizer: Normalizer) -> Model {
     let Form { base, view, told } = form.into();
     let config = ModelConfig {
@@ -63,7 +63,7 @@ pub fn gap(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
-/// `n` environments from starts of a seed, so many frames of the truth later.
+/// `n` environments from starts of a seed, after some frames of the truth.
 pub fn fallen(system: &Arc<System>, scene: &str, n: usize, (begin, seed): (Start, u64), frames: usize) -> Batch {
     let mut batch = Batch::new(system, &system.scene(scene).expect("a scene"), n);
     (0..n).for_each(|env| batch.reset(env, &start(system, begin, &mut stream(seed, env as u64))));
@@ -72,17 +72,17 @@ pub fn fallen(system: &Arc<System>, scene: &str, n: usize, (begin, seed): (Start
     batch
 }
 
-/// Numbers about 0 of about this size, always the same.
+/// Deterministic numbers about 0 of about this size.
 pub fn some(n: usize, size: f64) -> Vec<f64> {
     (0..n).map(|k| size * (1.7 * k as f64 + 0.3).sin()).collect()
 }
 
-/// The larger of two; what is not a number is the worst.
+/// The larger of two; NaN counts as the worst.
 pub fn worse(most: f64, off: f64) -> f64 {
     if off > most || off.is_nan() { off } else { most }
 }
 
-/// The largest difference, of the largest number.
+/// The largest difference, relative to the largest number.
 pub fn worst(found: &[f64], expected: &[f64]) -> f64 {
     assert_eq!(found.len(), expected.len());
     let largest = expected.iter().fold(1e-9, |most: f64, x| most.max(x.abs()));

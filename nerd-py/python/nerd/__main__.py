@@ -5,6 +5,6 @@ import sys
 
 from ._nerd import command
 
-# No Python runs while a verb does, which would notice Ctrl-C.
+# Python code does not run during a verb, so it would not notice Ctrl-C.
 signal.signal(signal.SIGINT, signal.SIG_DFL)
 sys.exit(command(["python -m nerd", *sys.argv[1:]]))

@@ -40,7 +40,7 @@ class CardVectorEnv(VectorEnv):
 
     def step(self, actions):
         self._task.step(actions)
-        # Whoever takes an array lets its stream wait for the step, and with it for what was read of the actions.
+        # Taking an array makes its stream wait for the step, and so for the step's reading of the actions.
         observations, rewards, terminated, truncated, final = map(self._xp.from_dlpack, self._arrays)
         return observations, rewards, terminated, truncated, {"final_obs": final}
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from ._nerd import Model, Policy, System
 
 
-# Text in TOML, of which JSON's is a part as long as it has no surrogates.
+# TOML text; JSON without surrogates is valid TOML.
 _text = partial(json.dumps, ensure_ascii=False)
 
 
@@ -53,7 +53,7 @@ def _run(verb, options):
                         sys.stderr.write(line)
                 process.wait()
             except BaseException:
-                # Whoever is interrupted here leaves no process that goes on writing.
+                # An interrupt here leaves no process that goes on writing.
                 process.terminate()
                 process.wait()
                 raise
@@ -120,7 +120,7 @@ def record(folder, system, states, tau, scene=None, about="recorded"):
     lines = [f"about = {_text(about)}", 'file = "log.npz"', f"robot = {_text(system.source)}"]
     lines.append(f"scene = {_text(system.data_scene if scene is None else scene)}")
     if free:
-        # A state has the twist about the world's origin, a log the velocity of the root's own.
+        # A state has the twist about the world's origin, a log the velocity of the root's origin.
         arrays["root"] = q[..., :7]
         arrays["root_velocity"] = qd[..., 3:6] + np.cross(qd[..., :3], q[..., :3])
         arrays["root_angular"] = qd[..., :3]

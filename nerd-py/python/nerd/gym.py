@@ -90,14 +90,14 @@ class _Tasks:
     def render(self):
         raise NotImplementedError(_RENDER)
 
-    # With a seed the first episodes of it, which are those of the command line, else the next ones.
+    # With a seed, its first episodes, the same as on the command line; otherwise the next ones.
     def _restart(self, seed, mask):
         if seed is None and not self._began:
             seed = int(self.np_random.integers(2**63 - 1))
         if seed is not None:
             self._task.reset(seed)
         else:
-            # What has ended is at the start of its next episode already, which nobody has seen.
+            # An ended environment is already at the start of its next episode, which has not been returned yet.
             self._task.begin(mask & ~self._fresh, self._task.numbers + 1)
         self._began = True
         self._fresh[mask] = False
@@ -153,7 +153,7 @@ class TaskVectorEnv(_Tasks, VectorEnv):
             actions[held] = 0.0
         rewards, terminated, truncated, observations, misses, faults, terms = self._task.step(actions)
         if held.any():
-            # All are stepped together; those that only begin in this step begin again.
+            # All are stepped together; those that only begin in this step are begun again.
             self._task.begin(held, numbers)
             observations[held] = self._task.observations()[held]
             rewards[held], terminated[held], truncated[held], misses[held], faults[held] = 0.0, False, False, np.nan, False

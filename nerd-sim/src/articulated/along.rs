@@ -93,6 +93,14 @@ impl Tree {
         add(3, 0, &bd.transpose());
         add(3, 3, &d);
         self.press[link] += Wrench::force_at(force, &contact.x);
+        if contact.turns() {
+            // What resists a turn about each axis.
+            let axes = Matrix3::identity();
+            let resists = Matrix3::from_columns(&[0, 1, 2].map(|k| -contact.turn_torque(&axes.column(k).into()) * h));
+            let mut view = self.links[link].fixed_view_mut::<3, 3>(0, 0);
+            view += resists;
+            self.press[link].ang += contact.turn_torque(&contact.spin);
+        }
     }
 
     /// A joint that resists with so much.
@@ -112,6 +120,11 @@ impl Tree {
     /// The change of velocity of a point in a second.
     pub(super) fn at(&self, link: usize, x: &Vector3<f64>) -> Vector3<f64> {
         self.factor.acceleration(link).at(x)
+    }
+
+    /// The change of angular velocity of a link in a second.
+    pub(super) fn spin(&self, link: usize) -> Vector3<f64> {
+        self.factor.acceleration(link).ang
     }
 
     /// The DoF at which there was no solution.

@@ -23,7 +23,8 @@ pub enum ContactStep {
     /// With their forces at its start, as in the reference: stable only while the substep is short.
     #[default]
     Explicit,
-    /// With forces that look as far ahead as they must: stable at any length, and of second order.
+    /// With forces that look as far ahead as they must, each by itself stable at any length, and of second order. A frame that gives energy is
+    /// stepped again, finer.
     Implicit,
 }
 

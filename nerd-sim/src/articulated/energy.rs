@@ -1,8 +1,8 @@
 //! No frame gives energy: one that does is stepped anew with twice the substeps, or as many as its error asks for at least.
 //!
 //! What a substep is too long for shows in the energy: a light link that whirls, a point that parts, a limit hit hard, a drag that has not
-//! settled. With the kinetic energy K of links and rotors, the energy S in the springs of contacts, limits and joints, that of the links in
-//! gravity V, and the work W of torques and drives, W+ its size either way, a frame of T is sound where
+//! settled. With the kinetic energy K of links and rotors, the energy S in the springs of contacts, links on each other, limits and joints,
+//! the energy V of the links in gravity, and the work W of torques and drives, W+ its size either way, a frame of T is sound where
 //!
 //! ```text
 //! (K + S + V)_1 - (K + S + V)_0 - W <= SHARE max((K + S)_0, (K + S)_1) + LABOUR W+ + FALL m (g T)^2 / 2
@@ -13,13 +13,14 @@
 //! stiff touches gains by that falls with the substep alone. With the means each touch by itself takes energy, whatever else acts.
 //!
 //! All else that acts takes energy, so what is gained is the step's error: it falls with the square of the substep, and with the substep
-//! where a point meets or leaves its surface. It is worked out only for a frame in which something happened that may give any: a joint that
+//! where a point meets or leaves its surface. At edges and from cell to cell of terrain the distance jumps, and no substep is short
+//! enough. The gain is worked out only for a frame in which something happened that may give any: a joint that
 //! turned by [`WHIRL`] in a substep, a point or a limit that came or left, repetition without an end. All other frames, and explicit presets,
 //! are as they were.
 
 use nerd_core::dynamics::{to_local, velocities};
 
-use super::{config::Asked, workspace::Workspace};
+use super::{config::Asked, fold::folded, workspace::Workspace};
 use crate::prelude::*;
 use crate::{scene::place, solver::gone};
 
@@ -49,7 +50,7 @@ pub(super) struct Energy {
 impl Workspace {
     /// Times as many substeps that a frame from `start` to `state` in so many of them needs to give no energy: 1, or the power of 2 that is
     /// needed at least, since the step's error falls with their square at most.
-    pub(super) fn refine(&mut self, asked: &Asked, state: &[f64], substeps: usize) -> Result<usize, String> {
+    pub(super) fn refine(&mut self, asked: &Asked, state: &[f64], substeps: usize, finest: usize) -> Result<usize, String> {
         let Asked { system, scene, tau, .. } = *asked;
         let start = std::mem::take(&mut self.start);
         let before = self.energy(system, scene, &start);
@@ -67,7 +68,6 @@ impl Workspace {
         let (mut most, mut times) = (SHARE * before.lively.max(after.lively) + LABOUR * effort + FALL * fallen, 1);
         // What is no number is too much.
         let within = |most: f64| gain <= most;
-        let finest = if scene.terrain().is_some() { ROUGHEST } else { FINEST };
         while !within(most) && times * substeps < finest {
             (most, times) = (4.0 * most, 2 * times);
         }
@@ -98,16 +98,21 @@ impl Workspace {
             let (w, v) = (r.tr_mul(&data.velocity[i].ang), data.velocity[i].at(&com));
             let rotor = link.joint.as_ref().map_or(0.0, |j| j.armature * (j.ratio() * qd[data.dof[i]]).powi(2));
             energy.lively += 0.5 * (body.mass * v.norm_squared() + w.dot(&(body.inertia * w)) + rotor);
-            energy.high -= body.mass * scene.gravity.dot(&(com + data.origin));
+            let lifted = (data.origin + data.position[i] + r * link.lifted.at) * link.lifted.mass;
+            energy.high -= scene.gravity.dot(&((com + data.origin) * body.mass - lifted));
         }
         if !self.materials.is_empty() {
             for (owner, event) in self.owners.iter().zip(&self.events) {
                 let point = &robot.contact_points[*owner];
                 // Of a plane the event tells the normal alone, not where on its link the point lies.
                 let roams = || event.normal.dot(&(place(point, data, &event.normal) - event.p1));
-                let gap = (if point.locus.is_fixed() { event.distance } else { roams() } - point.radius).min(0.0);
-                energy.lively += 0.5 * self.materials[event.collider].stiffness * gap * gap;
+                let Some(material) = self.materials.of(system, point, &scene.colliders[event.collider], event.collider) else { continue };
+                let gap = (if point.locus.is_fixed() { event.distance } else { roams() } - point.radius - material.margin).min(0.0);
+                energy.lively += 0.5 * material.stiffness * gap * gap;
             }
+        }
+        if !system.folds.is_empty() {
+            energy.lively += folded(system, &self.stiff.bounds.folds, self.whole, data);
         }
         for (x, joint) in q[robot.root_coords()..].iter().zip(robot.joints()) {
             let beyond = joint.limit.map_or(0.0, |l| l.stiffness * (x - x.clamp(l.lower, l.upper)).powi(2));

@@ -43,7 +43,7 @@ impl Workspace {
                     let (time, margin) = if held { (2.0 * system.frame_time, BEYOND) } else { (0.0, 0.0) };
                     self.query(system, scene, qd, time, margin).map_err(|lost| gone(system, q).unwrap_or(lost))?;
                 }
-                if !self.press(robot, &config, qd, dt, 1.0 / substeps as f64) {
+                if !self.press(asked, qd, dt, 1.0 / substeps as f64) {
                     return Ok(false);
                 }
             }
@@ -58,7 +58,9 @@ impl Workspace {
 
     /// Contact wrenches into `data.external`, this share of their forces to those of the frame; whether no friction is too stiff for a
     /// substep of `dt`.
-    fn press(&mut self, robot: &Robot, config: &ArticulatedConfig, qd: &[f64], dt: f64, share: f64) -> bool {
+    fn press(&mut self, asked: &Asked, qd: &[f64], dt: f64, share: f64) -> bool {
+        let Asked { system, scene, config, .. } = *asked;
+        let robot = &system.robot;
         self.data.external.fill(Wrench::default());
         let origin = self.data.origin;
         let mut moving = false;
@@ -66,19 +68,20 @@ impl Workspace {
             let (point, n) = (&robot.contact_points[*owner], &event.normal);
             let rotation = &self.data.rotation[point.link];
             let p0 = self.data.position[point.link] + rotation * point.facing(rotation, n);
-            let gap = n.dot(&(p0 - (event.p1 - origin))) - point.radius;
+            let Some(material) = self.materials.of(system, point, &scene.colliders[event.collider], event.collider) else { continue };
+            let gap = n.dot(&(p0 - (event.p1 - origin))) - point.radius - material.margin;
             if gap < 0.0 {
                 if !moving {
                     velocities(robot, qd, &mut self.data);
                     moving = true;
                 }
-                let material = &self.materials[event.collider];
-                if self.stiff.drags(*owner, material.friction_damping, dt) {
+                // What resists turns holds at once, as dry friction does.
+                if material.torsion > 0.0 || material.rolling > 0.0 || self.stiff.drags(*owner, material.friction_damping, dt) {
                     return false;
                 }
                 let x = p0 - n * point.radius;
                 let v = self.data.velocity[point.link].at(&x);
-                let f = force(gap, n, &v, material, config.friction);
+                let f = force(gap, n, &v, &material, config.friction);
                 self.data.external[point.link] += Wrench::force_at(f, &x);
                 self.forces[*owner] += f * share;
             }

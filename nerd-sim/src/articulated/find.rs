@@ -8,26 +8,35 @@ use crate::prelude::*;
 
 impl Workspace {
     /// The points and limits that are beyond their surface in some part of the substep in whose middle they are now.
-    pub(super) fn find(&mut self, robot: &Robot, scene: &Scene, q: &[f64], qd: &[f64], h: f64) {
+    pub(super) fn find(&mut self, system: &System, scene: &Scene, q: &[f64], qd: &[f64], h: f64) {
+        let (robot, materials) = (&system.robot, &self.materials);
         velocities(robot, qd, &mut self.data);
-        let Touches { touches, columns, tree, pull, .. } = &mut self.touches;
+        // A point that falls by this distance (m) may land within the substep although it would not at its present velocity.
+        let fall = h * h * scene.gravity.norm();
+        let Touches { touches, columns, tree, pull, eventful, .. } = &mut self.touches;
         touches.clear();
         columns.clear();
         let (data, dofs) = (&self.data, robot.root_dofs());
         for (owner, event) in self.owners.iter().zip(&self.events) {
             let (point, n) = (&robot.contact_points[*owner], event.normal);
+            let Some(whole) = materials.of(system, point, &scene.colliders[event.collider], event.collider) else { continue };
             let rotation = &data.rotation[point.link];
             let local = match point.locus {
                 Locus::Fixed => point.local,
-                _ => match roams(point, data, event, 0.5 * h) {
+                _ => match roams(point, data, event, whole.margin + fall, 0.5 * h) {
                     Some(local) => local,
                     None => continue,
                 },
             };
             let x = data.position[point.link] + rotation * local - n * point.radius;
             let velocity = data.velocity[point.link].at(&x);
-            let middle = n.dot(&(x - (event.p1 - data.origin)));
-            let Some((part, gap)) = inside(middle, 0.5 * h * n.dot(&velocity)) else { continue };
+            let middle = n.dot(&(x - (event.p1 - data.origin))) - whole.margin;
+            let way = 0.5 * h * n.dot(&velocity);
+            let Some((part, gap)) = inside(middle, way) else {
+                *eventful |= middle - way.abs() < fall;
+                continue;
+            };
+            *eventful |= !point.locus.is_fixed();
             let start = columns.len();
             if tree.is_none() {
                 above(robot, data, point.link, &x, columns);
@@ -38,7 +47,8 @@ impl Workspace {
                 link: point.link,
                 x,
                 columns: start..columns.len(),
-                material: part_of(&self.materials[event.collider], part),
+                material: part_of(&whole, part),
+                whole,
                 normal: n,
                 middle,
                 gap,
@@ -47,6 +57,8 @@ impl Workspace {
                 turn: Vector3::zeros(),
                 ahead: [0.0; 3],
                 across: 0.0,
+                spin: data.velocity[point.link].ang,
+                turning: [0.0; 2],
                 parted: false,
                 force: Vector3::zeros(),
             }));
@@ -105,10 +117,10 @@ pub(super) fn above(robot: &Robot, data: &Data, link: usize, x: &Vector3<f64>, c
 
 /// Where a point that roams over its link is in the link's frame; none where it does not come down in half a substep, wherever it is.
 #[inline(never)]
-fn roams(point: &ContactPoint, data: &Data, event: &ContactEvent, half: f64) -> Option<Vector3<f64>> {
+fn roams(point: &ContactPoint, data: &Data, event: &ContactEvent, margin: f64, half: f64) -> Option<Vector3<f64>> {
     let (rotation, twist, n, reach) = (&data.rotation[point.link], &data.velocity[point.link], &event.normal, point.reach());
     let middle = data.position[point.link] + rotation * point.local;
     let speed = twist.at(&middle).norm() + twist.ang.norm() * reach;
-    let comes = n.dot(&(middle - (event.p1 - data.origin))) - reach - point.radius <= half * speed;
+    let comes = n.dot(&(middle - (event.p1 - data.origin))) - reach - point.radius - margin <= half * speed;
     comes.then(|| point.facing(rotation, n))
 }

@@ -1,7 +1,7 @@
 //! The compliant contact model of the reference simulator.
 //!
 //! At a point of radius r, gap `g = n . (x - p1)` with `x = p0 - r n`, active for `g < 0`. With the velocity v of the
-//! body at x, `v_n = n . v`, `v_t = v - v_n n`: normal force `N = -(k_e g + k_d min(v_n, 0))` along n; friction
+//! body at x, `v_n = n . v`, `v_t = v - v_n n`: normal force `N = max(0, -(k_e g + k_d v_n))` along n, with `k_e` times `release` for k_d where `v_n > 0`; friction
 //! `-v_t / |v_t| min(k_f |v_t|, mu N)` (Coulomb), or `-v_t / s min(k_f s, mu N)` with
 //! `s = |v_t|^2 / 2` up to 1 m/s and `|v_t| - 1/2` above (Huber). Both are dissipative; no restitution, no adhesion.
 
@@ -11,7 +11,7 @@ use crate::prelude::*;
 #[inline]
 pub fn force(gap: f64, n: &Vector3<f64>, v: &Vector3<f64>, material: &Material, friction: Friction) -> Vector3<f64> {
     let vn = n.dot(v);
-    let normal = -(material.stiffness * gap + material.damping * vn.min(0.0));
+    let normal = -(material.stiffness * gap + material.damper(vn) * vn).min(0.0);
     let slip = v - n * vn;
     let speed = slip.norm();
     n * normal - slip * drag(normal, speed, material, friction)

@@ -1,4 +1,5 @@
-//! A substep h of second order, with contact, limits and joint damping looking ahead so that it is stable at any length.
+//! A substep h of second order, with contact, limits and joint damping looking ahead so that each by itself is stable at any
+//! length.
 //!
 //! Half a drift, a kick with the forces found there, half a drift (leapfrog). A spring, damper or friction of a touch sees
 //! the velocity `v + a (v' - v)` between the substep's start and its end, and a spring the gap `g + a h (v' - v)`, each with
@@ -30,6 +31,7 @@
 
 use nerd_core::dynamics::{crba, inertias, to_local, to_world};
 
+use super::spin::{centre, stand};
 use super::touch::{Contact, EVEN, Touch, ahead};
 use super::{config::Asked, energy::WHIRL, fold::fold, kick::Substep, touches::Touches, workspace::Workspace};
 use crate::prelude::*;
@@ -46,15 +48,17 @@ impl Workspace {
         let Asked { system, scene, .. } = *asked;
         let robot = &system.robot;
         let (q, qd) = state.split_at_mut(robot.nq());
+        centre(robot, q, 1.0);
         to_local(robot, q, qd);
         self.touches.begin(robot, scene);
-        let whole = system.frame_time / substeps as f64;
+        let h = system.frame_time / substeps as f64;
         let (settled, passes) = self.settling;
-        let all = Substep { asked, settled: settled / substeps as f64, passes, whole, h: whole };
+        let all = Substep { asked, settled: settled / substeps as f64, passes, h };
         for substep in 0..substeps {
             self.substep(&all, substep == 0, HALVINGS, q, qd)?;
         }
         to_world(robot, q, qd);
+        centre(robot, q, -1.0);
         Ok(())
     }
 
@@ -67,11 +71,11 @@ impl Workspace {
             self.touches.before.copy_from_slice(q);
         }
         drift(robot, q, qd, half);
-        kinematics(robot, q, &mut self.data);
-        self.query(system, scene, qd, h, 0.0).map_err(|lost| gone(system, q).unwrap_or(lost))?;
-        self.find(robot, scene, q, qd, h);
+        stand(robot, q, &mut self.data);
+        self.query(system, scene, qd, h, h * h * scene.gravity.norm()).map_err(|lost| gone(system, q).unwrap_or(lost))?;
+        self.find(system, scene, q, qd, h);
         if !system.folds.is_empty() {
-            fold(system, &self.stiff.bounds.folds, own.whole, h, config.friction, &mut self.data);
+            self.touches.eventful |= fold(system, &self.stiff.bounds.folds, self.whole, h, config.friction, &mut self.data);
         }
         match self.touches.tree {
             Some(_) => inertias(robot, &mut self.data),

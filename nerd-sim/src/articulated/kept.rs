@@ -48,6 +48,8 @@ pub(super) struct Stage {
     pub(super) idle: Vec<bool>,
     /// Whether drags are those that the substep began with: it was one solve.
     pub(super) first: bool,
+    /// Whether the spin of the middle is that of its own rate (`spin.rs`).
+    pub(super) spun: bool,
 }
 
 impl Kept {
@@ -76,7 +78,7 @@ impl Kept {
         &self.flown[..self.flights]
     }
 
-    pub(super) fn stage(&mut self, now: &Touches, one_solve: bool) {
+    pub(super) fn stage(&mut self, now: &Touches, one_solve: bool, spun: bool) {
         let first = one_solve && self.stages.is_empty();
         let idle = |touch: &Touch| match touch {
             Touch::Contact(contact) => contact.parted,
@@ -84,7 +86,7 @@ impl Kept {
             Touch::Friction(_) | Touch::Limit(_) => false,
         };
         let idle = now.touches.iter().map(|touch| !first && idle(touch)).collect();
-        self.stages.push(Stage { middle: now.middle.clone(), rate: now.rate.clone(), idle, first });
+        self.stages.push(Stage { middle: now.middle.clone(), rate: now.rate.clone(), idle, first, spun });
     }
 
     pub(super) fn step(&mut self, h: f64, q: &[f64], qd: &[f64], now: &Touches, lost: bool) {

@@ -3,6 +3,7 @@
 use nalgebra::DVector;
 use nerd_core::dynamics::bias;
 
+use super::spin::{SPINS, Spin};
 use super::touch::{Contact, Touch};
 use super::{config::Asked, touches::Touches, workspace::Workspace};
 use crate::prelude::*;
@@ -24,8 +25,7 @@ pub(super) struct Substep<'a> {
     /// See [`SETTLED`] and [`PASSES`].
     pub(super) settled: f64,
     pub(super) passes: usize,
-    /// The frame's substep (s), and this one, which may be a half of it.
-    pub(super) whole: f64,
+    /// (s): the frame's, or a half of it.
     pub(super) h: f64,
 }
 
@@ -42,15 +42,24 @@ impl Workspace {
                 mass.as_mut_slice().copy_from_slice(self.data.mass.as_slice());
             }
         }
-        let mut turn = Vector3::zeros();
-        let (mut stale, mut correct, mut corrected, mut quiet, mut found) = (true, first, false, false, true);
+        let spins = Spin::of(robot, &self.data, (h, settled), qd);
+        let (mut turn, mut spin) = (Vector3::zeros(), None);
+        // A joint that turns as fast is looked at, too.
+        self.touches.eventful |= spins.is_some();
+        let passes = own.passes + if spins.is_some() { SPINS } else { 0 };
+        let (mut all, mut stale, mut correct, mut corrected, mut quiet, mut found) = (true, true, first, false, false, true);
         if let Some(kept) = &mut self.kept {
             kept.stages.clear();
         }
-        for pass in 0..own.passes {
+        for pass in 0..passes {
             let Touches { touches, middle, rate, right, pull, braked, .. } = &mut self.touches;
             if stale {
-                middle.iter_mut().zip(qd.iter().zip(rate.iter())).for_each(|(m, (v, a))| *m = v + 0.5 * h * a);
+                if all {
+                    middle.iter_mut().zip(qd.iter().zip(rate.iter())).for_each(|(m, (v, a))| *m = v + 0.5 * h * a);
+                }
+                if let Some(w) = spin {
+                    middle[..3].copy_from_slice(Vector3::as_slice(&w));
+                }
                 bias(robot, middle, &scene.gravity, &mut self.data);
                 if robot.floating() {
                     // The derivative of a velocity that moves along is the spatial acceleration and w x v.
@@ -87,16 +96,24 @@ impl Workspace {
             if robot.floating() {
                 (0..3).for_each(|k| rate[3 + k] += turn[k]);
             }
-            let done = !changed && !correct;
-            stale = correct && !wait;
-            if let Some(kept) = self.kept.as_mut().filter(|_| done || stale || pass + 1 == own.passes) {
-                kept.stage(&self.touches, stale && pass == 0);
+            let turned = spin.is_some();
+            spin = spins.as_ref().filter(|_| !(correct && wait)).and_then(|spins| spins.next(qd, middle, rate));
+            let done = !changed && !correct && spin.is_none();
+            all = correct && !wait;
+            if let Some(kept) = self.kept.as_mut().filter(|_| done || all || pass + 1 == passes) {
+                kept.stage(&self.touches, all && pass == 0, spins.is_some() && (turned || !all));
+                if spins.is_some() && !all {
+                    // To rounding, not to what was near enough.
+                    let mean = |k: usize| qd[k] + 0.5 * h * self.touches.rate[k];
+                    kept.stages.iter_mut().last().into_iter().for_each(|stage| (0..3).for_each(|k| stage.middle[k] = mean(k)));
+                }
             }
+            stale = all || spin.is_some();
             if done {
                 return Ok(true);
             }
             correct &= wait;
-            corrected |= stale;
+            corrected |= all;
         }
         self.touches.eventful = true;
         Ok(found)
@@ -121,6 +138,9 @@ impl Workspace {
                     match tree {
                         Some(tree) => tree.point(contact, h),
                         None => press(&mut self.data, contact, &columns[contact.columns.clone()], h),
+                    }
+                    if tree.is_none() && contact.turns() {
+                        press_turns(robot, &mut self.data, contact, h);
                     }
                     continue;
                 }
@@ -160,9 +180,18 @@ impl Workspace {
                         Some(tree) => tree.at(contact.link, &contact.x) * h,
                         None => columns[contact.columns.clone()].iter().map(|(k, a)| a * (h * self.data.qdd[*k])).sum(),
                     };
-                    let settled = contact.settle(&change, h, friction, settled);
+                    let mut changed = contact.settle(&change, h, friction, settled);
+                    if contact.turns() {
+                        let spin = match tree {
+                            Some(tree) => tree.spin(contact.link) * h,
+                            None => turns(robot, (&self.data.dof, &self.data.axis), contact.link)
+                                .map(|(k, axis)| axis * (h * self.data.qdd[k]))
+                                .sum(),
+                        };
+                        changed |= contact.settle_turns(&spin, settled);
+                    }
                     *eventful |= contact.parted;
-                    settled
+                    changed
                 }
                 Touch::Friction(dry) => dry.settle(h * self.data.qdd[dofs + dry.joint], friction, settled),
                 Touch::Drive { spring, bounds: [least, most], held: held @ None } => {
@@ -189,4 +218,30 @@ fn press(data: &mut Data, contact: &Contact, columns: &[(usize, Vector3<f64>)], 
             data.mass[(*i, *j)] += b.dot(&d);
         }
     }
+}
+
+/// Adds the torques of a contact's torsional and rolling friction to `data.qdd`, and what they resist to the lower triangle of `data.mass`.
+fn press_turns(robot: &Robot, data: &mut Data, contact: &Contact, h: f64) {
+    let torque = contact.turn_torque(&contact.spin);
+    let Data { dof, axis, qdd, mass, .. } = data;
+    for (i, a) in turns(robot, (dof, axis), contact.link) {
+        qdd[i] += a.dot(&torque);
+        let resists = -contact.turn_torque(&a) * h;
+        for (j, b) in turns(robot, (dof, axis), contact.link).filter(|(j, _)| *j <= i) {
+            mass[(i, j)] += b.dot(&resists);
+        }
+    }
+}
+
+/// The columns of the Jacobian of a link's angular velocity, by DoF.
+pub(super) fn turns<'a>(
+    robot: &'a Robot,
+    (dof, axis): (&'a [usize], &'a [Motion]),
+    link: usize,
+) -> impl Iterator<Item = (usize, Vector3<f64>)> + 'a {
+    let above = std::iter::successors(Some(link), |i| robot.links[*i].parent);
+    above.flat_map(move |i| {
+        let own = robot.links[i].joint.is_some();
+        (0..if own { 1 } else { 3 }).map(move |k| if own { (dof[i], axis[i].ang) } else { (k, Vector3::ith(k, 1.0)) })
+    })
 }

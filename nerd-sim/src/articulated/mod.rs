@@ -1,7 +1,7 @@
 //! Our own articulated dynamics: RNEA, CRBA and Cholesky from nerd-core, geometry from the scene.
 //!
 //! With nothing to touch a frame is integrated by RK4 or symplectic Euler; with contact by sub-stepped symplectic
-//! Euler under the compliant contact of [`force`], or by substeps that are stable at any length ([`ContactStep::Implicit`]). A frame
+//! Euler under the compliant contact of [`force`], or by substeps that look ahead ([`ContactStep::Implicit`]). A frame
 //! in which a joint's damper or limit is too stiff for an explicit substep takes implicit ones under any preset, and one in which an
 //! implicit step gives energy more of them. Models and policies learn
 //! from preset `accurate`; `paper` reproduces the reference simulator; `converged` measures errors. An environment without collider or
@@ -22,6 +22,7 @@ mod kick;
 mod memory;
 mod slopes;
 mod solver;
+mod spin;
 mod stiff;
 mod touch;
 mod touches;

@@ -27,7 +27,8 @@ impl Articulated {
 
     /// As [`Solver::back`], with gradients by the numbers of each environment's robot and scene, too, in the order of [`super::numbers`].
     ///
-    /// Dry friction that is not there and contact points that move over their link are held.
+    /// Dry friction that is not there, contact points that move over their link, and what a file says of a pair of geoms beyond multiples of the
+    /// material are held.
     pub fn back_by_numbers(&mut self, batch: &Batch, torques: &[f64], rows: usize, by_next: &[f64]) -> Result<Slopes, StepError> {
         self.goes_back(batch)?;
         self.parallel.back(&self.settings, batch, torques, rows, by_next, true)

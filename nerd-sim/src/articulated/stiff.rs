@@ -176,8 +176,8 @@ pub(super) fn ease(link: &BodyInertia, point: &Vector3<f64>) -> f64 {
 fn eases(system: &System) -> Vec<f64> {
     let (links, folds) = (&system.robot.links, &system.folds);
     // No place of a capsule is moved farther than its ends; a force at its surface goes through its axis.
-    let ends = |link: usize| folds.capsules[folds.own[link].clone()].iter().flat_map(|c| [c.middle - c.half, c.middle + c.half]);
-    let most = |link: usize| ends(link).map(|end| ease(&links[link].inertia, &end)).fold(0.0, f64::max);
+    let ends = |part: usize| folds.capsules[folds.own[part].clone()].iter().flat_map(|c| [c.middle - c.half, c.middle + c.half]);
+    let most = |part: usize| ends(part).map(|end| ease(&links[folds.links[part]].inertia, &end)).fold(0.0, f64::max);
     let count = |[a, b]: [usize; 2]| (folds.own[a].len() + folds.own[b].len() - 1).min(AT_ONCE) as f64;
     folds.pairs.iter().map(|pair| (most(pair[0]) + most(pair[1])) * count(*pair)).collect()
 }

@@ -11,8 +11,9 @@ pub(super) const EVEN: f64 = 0.25;
 
 /// Something that acts within a substep, or will.
 #[derive(Clone)]
+#[allow(clippy::large_enum_variant)] // Most are contacts.
 pub(super) enum Touch {
-    /// A point on a collider. It pushes, is damped while it approaches, and rubs.
+    /// A point on a collider. It pushes, is damped, and rubs.
     Contact(Contact),
     /// Dry friction of a joint.
     Friction(DryFriction),
@@ -33,7 +34,9 @@ pub(super) struct Contact {
     pub(super) x: Vector3<f64>,
     /// Its columns among all, `J = [.. column ..]` by DoF, where the matrix is at hand.
     pub(super) columns: std::ops::Range<usize>,
+    /// The material of the part of the substep in which it is inside, and the whole.
     pub(super) material: Material,
+    pub(super) whole: Material,
     pub(super) normal: Vector3<f64>,
     /// Its gap in the middle of the substep, and the mean of what is inside.
     pub(super) middle: f64,
@@ -48,6 +51,9 @@ pub(super) struct Contact {
     pub(super) ahead: [f64; 3],
     /// Drag c (N s/m).
     pub(super) across: f64,
+    /// Its link's angular velocity, and drags (N m s/rad) about the normal and across it; zero without torsional and rolling friction.
+    pub(super) spin: Vector3<f64>,
+    pub(super) turning: [f64; 2],
     /// Whether it would pull, and acts no more.
     pub(super) parted: bool,
     /// Its force (N) on the robot in the substep.
@@ -99,13 +105,42 @@ impl Contact {
     #[inline]
     pub(super) fn weigh(&mut self, w: f64, h: f64, friction: Friction) {
         let vn = self.normal.dot(&self.velocity);
-        if vn >= 0.0 {
-            self.material.damping = 0.0;
-        }
+        self.material.damping = self.material.damper(vn);
         let m = &self.material;
         let normal = (-(m.stiffness * self.gap + m.damping * vn)).max(0.0);
         self.across = drag(normal, (self.velocity - self.normal * vn).norm(), m, friction);
         self.ahead = [ahead(h * h * m.stiffness * w), damper(h, m.damping, w), damper(h, self.across, w)];
+        if self.turns() {
+            self.turning = self.turn_drags(normal, &self.spin);
+        }
+    }
+
+    /// Whether it has torsional or rolling friction.
+    #[inline]
+    pub(super) fn turns(&self) -> bool {
+        self.material.torsion > 0.0 || self.material.rolling > 0.0
+    }
+
+    /// Drags of torsional and rolling friction under a normal force: Coulomb's torque over the angular velocity, which creeps below [`CREEP`].
+    fn turn_drags(&self, normal: f64, spin: &Vector3<f64>) -> [f64; 2] {
+        let about = self.normal.dot(spin);
+        let across = (spin - self.normal * about).norm();
+        [(self.material.torsion, about.abs()), (self.material.rolling, across)].map(|(arm, rate)| arm * normal / rate.max(CREEP))
+    }
+
+    /// Torque (N m) of torsional and rolling friction on its link at an angular velocity.
+    #[inline]
+    pub(super) fn turn_torque(&self, spin: &Vector3<f64>) -> Vector3<f64> {
+        let [about, across] = self.turning;
+        self.normal * (-(about - across) * self.normal.dot(spin)) - spin * across
+    }
+
+    /// Drags of torsional and rolling friction after a change of the angular velocity; whether another solve is asked for.
+    pub(super) fn settle_turns(&mut self, change: &Vector3<f64>, settled: f64) -> bool {
+        let drags = self.turn_drags(self.normal.dot(&self.force).max(0.0), &(self.spin + change));
+        let changed = drags.iter().zip(self.turning).any(|(new, old)| (new - old).abs() > settled * old.max(1e-12));
+        self.turning = drags;
+        changed
     }
 
     /// Its `start` and `turn`, from velocities and accelerations of `data` at zero `qdd`: `J_dot qd = a + w_dot x x + w x x_dot - turn`
@@ -182,7 +217,7 @@ impl DryFriction {
     /// A contact's that would rub alike.
     #[inline]
     pub(super) fn material(&self) -> Material {
-        Material { stiffness: 0.0, damping: 0.0, friction_damping: self.most / CREEP, friction: 1.0 }
+        Material { stiffness: 0.0, damping: 0.0, friction_damping: self.most / CREEP, friction: 1.0, ..Material::default() }
     }
 
     /// Its drag at a rate of the joint.
@@ -230,6 +265,6 @@ pub(super) fn part_of(material: &Material, part: f64) -> Material {
         stiffness: part * material.stiffness,
         damping: part * material.damping,
         friction_damping: part * material.friction_damping,
-        friction: material.friction,
+        ..*material
     }
 }

@@ -5,19 +5,61 @@ use nerd_core::dynamics::{Factor, velocities};
 use super::stiff::{Bounds, Stiff};
 use super::{kept::Kept, memory::Memory, touches::Touches};
 use crate::prelude::*;
+use crate::scene::Meeting;
+
+/// The materials with which a robot meets the colliders of a scene.
+#[derive(Default)]
+pub(super) struct Materials {
+    /// By collider, the mean of both.
+    means: Vec<Material>,
+    /// Largest margin of what the file says (m).
+    pub(super) margin: f64,
+}
+
+impl Materials {
+    pub(super) fn begin(&mut self, system: &System, scene: &Scene) {
+        self.means.clear();
+        self.means.extend(scene.colliders.iter().map(|c| c.material.mean(&system.spec.material)));
+        let means = self.means.iter().map(|m| m.margin).fold(0.0, f64::max);
+        self.margin = if system.surfaces.is_empty() { means } else { means.max(system.margin) };
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.means.clear();
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.means.is_empty()
+    }
+
+    /// That of a contact point and a collider, the k-th; none if they never meet.
+    #[inline]
+    pub(super) fn of(&self, system: &System, point: &ContactPoint, collider: &Collider, k: usize) -> Option<Material> {
+        let mean = self.means[k];
+        Some(match system.surfaces.meeting(point, collider)? {
+            Meeting::Plain => mean,
+            Meeting::Law(law) => mean.by(law, collider, system.one_friction),
+        })
+    }
+}
 
 /// Working memory of one environment at a time; nothing in it outlives a frame.
 pub(super) struct Workspace {
     pub(super) data: Data,
     pub(super) factor: Factor,
-    pub(super) materials: Vec<Material>,
+    pub(super) materials: Materials,
     /// Contact events, and the point of each.
     pub(super) events: Vec<ContactEvent>,
     pub(super) owners: Vec<usize>,
     pub(super) touches: Touches,
     pub(super) stiff: Stiff,
+    /// The substep (s) that the frame began with, before its energy asked for shorter ones.
+    pub(super) whole: f64,
     /// Drives of the joints; empty: none.
     pub(super) drives: Vec<Drive>,
+    /// Whether they are those of servos, and the torques that these leave to be held.
+    pub(super) servo: bool,
+    pub(super) rest: Vec<f64>,
     /// Mean force (N) on each contact point in the frame, world axes.
     pub(super) forces: Vec<Vector3<f64>>,
     /// Of the explicit integrators.
@@ -42,12 +84,15 @@ impl Workspace {
             rates: std::array::from_fn(|_| vec![0.0; d]),
             trial: vec![0.0; d],
             start: vec![0.0; d],
-            materials: Vec::new(),
+            materials: Materials::default(),
             events: Vec::new(),
             owners: Vec::new(),
             touches: Touches::new(system),
             stiff: Stiff::new(robot, bounds),
+            whole: 0.0,
             drives: Vec::new(),
+            servo: false,
+            rest: Vec::new(),
             settling: (0.0, 0),
             kept: None,
             back: None,
@@ -70,7 +115,7 @@ impl Workspace {
                 if flat || point.locus.is_fixed() {
                     self.events.push(only.query(&middle));
                 } else {
-                    self.events.push(only.search(point, &self.data, &middle));
+                    self.events.push(only.search(point, &self.data, &middle, f64::INFINITY));
                 }
             }
         } else {
@@ -80,7 +125,8 @@ impl Workspace {
                 let middle = point_position(&self.data, point.link, &point.local);
                 let twist = &self.data.velocity[point.link];
                 let speed = twist.at(&(middle - self.data.origin)).norm() + twist.ang.norm() * point.reach();
-                scene.meetings(point, &self.data, point.radius + margin + time * speed, &mut self.events);
+                let reach = point.radius + self.materials.margin + margin + time * speed;
+                scene.meetings(point, &self.data, reach, &system.surfaces, &mut self.events);
                 self.owners.resize(self.events.len(), index);
             }
         }

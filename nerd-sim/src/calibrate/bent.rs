@@ -1,6 +1,7 @@
-//! How the objective changes with its parameters: sensitivities of rollouts, forward, `S' = A S + P` with a frame's slopes A by the state before
-//! and P by the parameters. And descent by these slopes, from short rollouts to long ones: after a few frames the objective is smooth, and what
-//! is found there lies in the valley of long rollouts (Levenberg and Marquardt's method within bounds).
+//! Gradient of the objective with respect to the parameters, by forward sensitivities of rollouts: `S' = A S + P` with a frame's
+//! derivatives A with respect to the state before and P with respect to the parameters. Descent goes from short rollouts to long ones: over
+//! a few frames the objective is smooth, and its minimum lies in the valley of long rollouts (Levenberg and Marquardt's method within
+//! bounds).
 
 use std::ops::AddAssign;
 
@@ -13,18 +14,18 @@ use super::subject::{Engine, Subject};
 use super::trial::{Distance, Trial};
 use crate::{log::turned, prelude::*};
 
-/// Places over which starts are differenced.
+/// Step of the parameters' places for central differences of starts.
 const SIDE: f64 = 1e-5;
-/// A frame that a change of all places by 1 would move by so many units counts half: what follows from a bounce that turns out otherwise says
-/// nothing about it.
+/// Sensitivity norm (units per unit change of all places) at which a frame's weight is halved: after a bounce that may go either way,
+/// frames carry no information about it.
 const FAR: f64 = 150.0;
-/// And sensitivities so large end a rollout: numbers end soon after.
+/// Sensitivity at which a rollout ends, before its numbers overflow.
 const HOPELESS: f64 = 1e9;
 /// Differences below this many units count by their squares.
 const NEAR: f64 = 0.1;
 
-/// Slope of the objective by the parameters' places between their bounds, and its curvature as Gauss and Newton take it: a distance d counts as
-/// a square over d (iteratively reweighted least squares).
+/// Gradient of the objective with respect to the parameters' places between their bounds, and its Gauss-Newton Hessian: a distance d counts
+/// as a square over d (iteratively reweighted least squares).
 pub(super) struct Bent {
     pub(super) slope: DVector<f64>,
     pub(super) curvature: DMatrix<f64>,
@@ -35,7 +36,7 @@ impl Bent {
         Self { slope: DVector::zeros(p), curvature: DMatrix::zeros(p, p) }
     }
 
-    /// Adds a difference (of `unit` size) and its sensitivities; nothing without a unit, as the objective.
+    /// Adds a difference (in units of `unit`) and its sensitivities; like the objective, it adds nothing without a unit.
     fn add(&mut self, apart: &[f64], by: DMatrix<f64>, unit: f64, share: f64) {
         if !unit.is_normal() {
             return;
@@ -49,7 +50,7 @@ impl Bent {
 }
 
 impl Subject {
-    /// Slope and curvature at these values, for a subject without them; nothing if its solver has no slopes.
+    /// Gradient and Hessian at these values, for a subject without them; nothing if its solver has no gradients.
     pub(super) fn bent(
         &self,
         parameters: &[Parameter],
@@ -87,7 +88,7 @@ impl Subject {
                 let slopes = match solver.back_by_numbers(batch, &acting, rows, &identity) {
                     Ok(found) => found,
                     Err(StepError::Refused(_)) => return None,
-                    // As a rollout, it says nothing more.
+                    // A rollout that cannot go on adds nothing more.
                     Err(_) => break,
                 };
                 s = DMatrix::from_row_slice(rows, rows, &slopes.states) * s
@@ -96,7 +97,7 @@ impl Subject {
                 for (k, parameter) in parameters.iter().enumerate() {
                     let change = match parameter.what {
                         What::Delay => {
-                            // Between two frames, or at one on the side of a smaller delay.
+                            // Between two frames; at a whole delay, on the side of the smaller one.
                             let last = (own.delay.ceil() as usize).clamp(1, asked.len() - 1);
                             let ways = asked[last].iter().zip(asked[last - 1]).zip(&own.strength);
                             let later = ways.map(|((before, now), factor)| (before - now) * factor);
@@ -107,7 +108,7 @@ impl Subject {
                     };
                     s.column_mut(k).add_assign(&(change * by_place[k]));
                 }
-                // Frames this far from their parameters would weigh nothing.
+                // Frames with such sensitivities would have no weight.
                 if !s.iter().all(|x| x.abs() < HOPELESS) {
                     break;
                 }
@@ -136,7 +137,7 @@ impl Subject {
         let sum = |a: Bent, b: Bent| Bent { slope: a.slope + b.slope, curvature: a.curvature + b.curvature };
         Ok(all.into_iter().collect::<Option<Vec<_>>>().map(|all| {
             let mut bent = all.into_iter().fold(Bent::none(p), sum);
-            // Sums over trials and parts, of which the objective is the mean.
+            // Sums over trials and parts; the objective is their mean.
             let share = (trials.len() * unit.iter().filter(|unit| **unit > 0.0).count()) as f64;
             for (k, (parameter, value)) in parameters.iter().zip(values).enumerate() {
                 bent.slope[k] += share * parameter.pull(*value)[1];
@@ -147,24 +148,24 @@ impl Subject {
     }
 }
 
-/// Damping to begin with, and at least.
+/// Initial and least damping.
 const DAMPING: [f64; 2] = [1e-2, 1e-4];
-/// Share of the mean curvature that the damping adds to what has none of its own.
+/// Share of the mean curvature that the damping adds to parameters without curvature of their own.
 const RIDGE: f64 = 0.01;
-/// Longest step, in shares of the bounds.
+/// Longest step, as a share of the bounds.
 const LONGEST: f64 = 0.2;
-/// A round that gains a smaller share than this is the last, and there are at most so many.
+/// The least share a round must gain for another one to follow, and the most rounds.
 const LEAST: f64 = 0.001;
 const ROUNDS: usize = 12;
 
-/// The values after a step against the slope.
+/// The values after a step against the gradient.
 fn moved(parameters: &[Parameter], values: &[f64], bent: &Bent, damping: f64) -> Option<Vec<f64>> {
     let (mut h, mut g, n) = (bent.curvature.clone(), bent.slope.clone(), values.len());
     let ridge = RIDGE * h.trace() / n as f64;
     let x: Vec<f64> = parameters.iter().zip(values).map(|(p, v)| p.place(*v)).collect();
     for k in 0..n {
         h[(k, k)] += damping * (h[(k, k)] + ridge);
-        // What would leave its bounds stays.
+        // A parameter at a bound stays there if its step would leave it.
         if x[k] <= 0.0 && g[k] > 0.0 || x[k] >= 1.0 && g[k] < 0.0 {
             h.row_mut(k).fill(0.0);
             h.column_mut(k).fill(0.0);
@@ -176,7 +177,7 @@ fn moved(parameters: &[Parameter], values: &[f64], bent: &Bent, damping: f64) ->
     Some(parameters.iter().zip(&x).zip(step.iter()).map(|((p, x), s)| p.at(x - cut * s)).collect())
 }
 
-/// Goes down from `values` while it pays, as long as it `may`; returns the objective there, or nothing where there are no slopes.
+/// Descends from `values` while it pays and the budget allows; returns the objective there, or nothing where there are no gradients.
 pub(super) fn descend(
     parameters: &[Parameter],
     values: &mut Vec<f64>,

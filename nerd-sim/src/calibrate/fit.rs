@@ -1,5 +1,5 @@
-//! The fit: descent by slopes where the solver has them; elsewhere CMA-ES within the bounds (Hansen, "The CMA Evolution Strategy: A Tutorial",
-//! arXiv 1604.00772; crate fcmaes-core).
+//! The fit: descent by gradients where the solver has them; elsewhere CMA-ES within the bounds (Hansen, "The CMA Evolution Strategy: A
+//! Tutorial", arXiv 1604.00772; crate fcmaes-core).
 
 use std::cell::Cell;
 
@@ -11,17 +11,17 @@ use super::parameter::{CalibrateError, Parameter, pull};
 use super::subject::Subject;
 use super::trial::{Distance, Trial, mean};
 
-/// How to fit. Both ways go from coarse to fine: the first half of a search, two searches, and all of a descent but its last stage see a quarter
-/// of the trials.
+/// How to fit. Both methods go from coarse to fine: the first half of a search, two searches, and all stages of a descent but the last use
+/// a quarter of the trials.
 #[derive(Clone, Copy, Debug)]
 pub struct FitConfig {
-    /// Evaluations of the objective at most. Those of a descent count by their trials and frames, those of a search one each.
+    /// Budget in evaluations of the objective. A search's evaluation counts 1, a descent's by its share of trials and frames.
     pub evaluations: usize,
-    /// Trials that the second half sees at most, evenly chosen.
+    /// Most trials that the second half uses, evenly chosen.
     pub trials: usize,
-    /// Seed of the search; a descent draws nothing.
+    /// Seed of the search; a descent is deterministic.
     pub seed: u64,
-    /// Whether to descend where the solver has slopes; else it is searched, too.
+    /// Whether to descend where the solver has gradients; otherwise it searches, too.
     pub slopes: bool,
 }
 
@@ -31,40 +31,40 @@ impl Default for FitConfig {
     }
 }
 
-/// Frames and trials that each stage of a descent sees, in shares of all.
+/// Frames and trials that each stage of a descent uses, as shares of all.
 pub(super) const STAGES: [[f64; 2]; 4] = [[0.125, 0.25], [0.5, 0.25], [1.0, 0.25], [1.0, 1.0]];
-/// Where a descent begins at least from the bounds: dry friction that is not there has no slope.
+/// Least distance from the bounds at which a descent begins: at zero, dry friction has no gradient.
 pub(super) const INSIDE: f64 = 0.01;
-/// What a round's slopes cost, in evaluations of the objective over as many trials.
+/// Cost of a round's gradients, in evaluations of the objective over as many trials.
 pub(super) const PASS: f64 = 10.0;
-/// First steps of the coarse and of the fine search, in shares of the bounds.
+/// Initial steps of the coarse and of the fine search, as shares of the bounds.
 const STEPS: [f64; 2] = [0.15, 0.04];
 
-/// What was found.
+/// Result of a fit.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Fit {
     /// Values of the parameters, in their order.
     pub values: Vec<f64>,
-    /// The objective there: the sum of the mean distances, each in units of that without a fit, over their number; and what the values cost.
+    /// The objective there: mean of the distances, each relative to its value without a fit, plus the cost of the parameters.
     pub objective: f64,
     /// Mean distances without a fit.
     pub before: Distance,
-    /// And with it.
+    /// Mean distances with the fit.
     pub after: Distance,
-    /// Evaluations of the objective; one over a share of trials and frames counts as that share, a round's slopes ten times as much.
+    /// Evaluations of the objective; one over a share of trials and frames counts as that share, a round's gradients ten times as much.
     pub evaluations: f64,
-    /// Whether it was found by slopes.
+    /// Whether it was found by gradients.
     pub slopes: bool,
 }
 
-/// The sum of the distances in units of those of `unit`, over their number; joints only where there are some.
+/// Mean of the distances, each relative to its value in `unit`; joints only where the robot has some.
 pub(super) fn objective(apart: &Distance, unit: &Distance) -> f64 {
     let parts = apart.parts().into_iter().zip(unit.parts());
     let (sum, n) = parts.filter(|p| p.1 > 0.0).fold((0.0, 0.0), |(sum, n), p| (sum + p.0 / p.1, n + 1.0));
     if n > 0.0 { sum / n } else { 0.0 }
 }
 
-/// At most so many of the trials, evenly chosen.
+/// At most `most` of the trials, evenly chosen.
 pub fn thinned(trials: &[Trial], most: usize) -> Vec<Trial> {
     trials.iter().step_by(trials.len().div_ceil(most.max(1)).max(1)).cloned().collect()
 }
@@ -74,7 +74,7 @@ struct Search<'a> {
     parameters: &'a [Parameter],
     trials: &'a [Trial],
     unit: Distance,
-    /// What an evaluation counts, and what all together have.
+    /// Count of an evaluation, and of all so far.
     share: f64,
     spent: &'a Cell<f64>,
 }
@@ -91,7 +91,7 @@ impl<'a> Search<'a> {
         Ok(Self { subject, parameters, trials, unit: mean(&subject.distances(trials)?), share, spent })
     }
 
-    /// The objective of these values, and the distances behind it.
+    /// The objective at these values, and the distances it is made of.
     fn worth(&self, values: &[f64]) -> Result<(f64, Distance), CalibrateError> {
         self.spent.set(self.spent.get() + self.share);
         let apart = mean(&self.subject.with(self.parameters, values)?.distances(self.trials)?);
@@ -99,7 +99,7 @@ impl<'a> Search<'a> {
         Ok((if worth.is_finite() { worth } else { f64::MAX }, apart))
     }
 
-    /// The best values that a search from some of them finds, behind the objective there.
+    /// The best values that a search from some of them finds, preceded by the objective there.
     fn run(
         &self,
         from: &[f64],
@@ -140,7 +140,7 @@ impl<'a> Search<'a> {
 fn searched(all: &Search, few: &[Trial], config: FitConfig, progress: &mut dyn FnMut(usize, f64)) -> Result<Vec<f64>, CalibrateError> {
     let (quarter, mut done) = (config.evaluations.div_ceil(4), 0);
     let nominal: Vec<f64> = all.parameters.iter().map(|p| p.nominal).collect();
-    // Coarse, twice: contact has valleys side by side, such as much friction that creeps and little that holds.
+    // Coarse, twice: contact has separate minima, such as high friction that creeps and low friction that holds.
     let coarse = Search::new(all.subject, all.parameters, few, few.len() as f64 / all.trials.len() as f64, all.spent)?;
     let mut best = (f64::INFINITY, nominal.clone());
     for run in 0..2 {
@@ -177,7 +177,7 @@ impl Subject {
             Some(ends) => ends,
             None => vec![searched(&all, &few, config, progress)?],
         };
-        // What was gained on a few trials may be lost on all of them.
+        // A gain on a few trials may be a loss on all of them.
         let (mut best, mut values) = (all.worth(&nominal)?, nominal);
         for end in ends {
             let own = all.worth(&end)?;
@@ -189,7 +189,7 @@ impl Subject {
         Ok(Fit { values, objective, before: all.unit, after, evaluations: spent.get(), slopes })
     }
 
-    /// The values to which slopes lead from nominal ones by the end of each stage that `budget` allows; nothing where there are no slopes.
+    /// The values at the end of each stage of a descent from nominal ones, within `budget`; nothing where there are no gradients.
     fn descended(
         &self,
         all: &Search,

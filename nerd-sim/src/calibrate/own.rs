@@ -1,5 +1,5 @@
-//! Parameters that each trajectory has of its own, such as zeros that somebody sets by hand, beside those that all share: one descent over
-//! all of them, in which a trajectory's own have slopes by its trials alone.
+//! Parameters that each trajectory has of its own, such as zeros set by hand, beside shared ones: one descent over all of them, in which a
+//! trajectory's own parameters get gradients from its trials alone.
 
 use std::{cell::Cell, collections::BTreeMap};
 
@@ -11,20 +11,20 @@ use super::parameter::{CalibrateError, Parameter, pull};
 use super::subject::Subject;
 use super::trial::{Trial, mean};
 
-/// What was found of both kinds.
+/// Result of a fit of both kinds.
 pub struct OwnFit {
-    /// Of the shared parameters.
+    /// Fit of the shared parameters.
     pub shared: Fit,
-    /// Of each trajectory's own, by its name.
+    /// Values of each trajectory's own parameters, by its name.
     pub own: BTreeMap<u64, Vec<f64>>,
 }
 
 impl Subject {
-    /// Fits what all trajectories share, and what each has of its own, to trials of several; `progress` receives evaluations done and the
+    /// Fits shared parameters, and each trajectory's own, to trials of several trajectories; `progress` receives evaluations done and the
     /// best objective so far.
     ///
     /// # Errors
-    /// As [`Subject::fit`]; of a solver without slopes, too.
+    /// As [`Subject::fit`]; also for a solver without gradients.
     pub fn fit_own(
         &self,
         [shared, own]: [&[Parameter]; 2],
@@ -41,7 +41,7 @@ impl Subject {
         let (s, o) = (shared.len(), own.len());
         let pair = [shared, own].concat();
         let all: Vec<Parameter> = shared.iter().chain(ids.iter().flat_map(|_| own)).cloned().collect();
-        // Those of the k-th trajectory among all, and their values.
+        // Indices of the k-th trajectory's parameters (shared and own) among all.
         let places = |k: usize| (0..s).chain(s + k * o..s + (k + 1) * o).collect::<Vec<usize>>();
         let part = |values: &[f64], k: usize| places(k).into_iter().map(|i| values[i]).collect::<Vec<f64>>();
         let mut values: Vec<f64> = all.iter().map(|p| p.at(p.place(p.nominal).clamp(INSIDE, 1.0 - INSIDE))).collect();
@@ -83,7 +83,7 @@ impl Subject {
         let of = |id: &u64| trials.iter().filter(|t| t.id == *id).cloned().collect::<Vec<_>>();
         let apart = ids.iter().enumerate().map(|(k, id)| self.with(&pair, &part(&values, k))?.distances(&of(id)));
         let (before, mut after) = (mean(&self.distances(&trials)?), mean(&apart.collect::<Result<Vec<_>, _>>()?.concat()));
-        // Never worse than none on all its trials.
+        // The fit is kept only if it is no worse on all its trials than no fit.
         let kept = objective(&after, &before);
         if !kept.is_finite() || kept > objective(&before, &before) {
             values = all.iter().map(|p| p.nominal).collect();

@@ -1,4 +1,4 @@
-//! What can be fitted, by name.
+//! Parameters that can be fitted, by name.
 
 use crate::prelude::*;
 
@@ -6,10 +6,10 @@ use crate::prelude::*;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CalibrateError {
-    /// A parameter that there is not, or that has nothing to act on.
+    /// An unknown parameter, or one without effect.
     #[error("{0}")]
     Parameter(String),
-    /// A scene that there is not.
+    /// An unknown scene.
     #[error(transparent)]
     System(#[from] SystemError),
     /// A step of the solver.
@@ -33,9 +33,9 @@ impl CalibrateError {
 /// | name | what | unit |
 /// |---|---|---|
 /// | `mass:LINK` | mass | kg |
-/// | `com.x:LINK` (y, z) | centre of mass in the link's frame | m |
+/// | `com.x:LINK` (y, z) | centre of mass in the link's frame as its file has it | m |
 /// | `inertia:LINK` | factor on the inertia about the centre of mass | 1 |
-/// | `spread.x:LINK` (y, z) | factor on the second moment of mass along an axis of the link | 1 |
+/// | `spread.x:LINK` (y, z) | factor on the second moment of mass along an axis of that frame | 1 |
 /// | `size` | factor on all lengths of the robot: its own metre against the log's | 1 |
 /// | `friction`, `stiffness`, `damping`, `friction-damping` | contact, robot and scene alike | 1, N/m, N s/m, N s/m |
 /// | `rounding` | radius of corners: contact points move in and become balls that touch the same planes | m |
@@ -58,12 +58,11 @@ pub struct Parameter {
     pub high: f64,
     /// Its value without a fit.
     pub nominal: f64,
-    /// Whether it is searched by its logarithm.
+    /// Whether it is searched in its logarithm.
     pub logarithmic: bool,
     /// Its unit.
     pub unit: &'static str,
-    /// What it costs to leave the nominal value: the objective rises by so much times the square of the way, in shares of the bounds.
-    /// Without it, 0.
+    /// Cost of leaving the nominal value: the objective rises by this times the squared distance, in shares of the bounds. Default 0.
     pub weight: f64,
     pub(super) what: What,
 }
@@ -126,7 +125,8 @@ impl Parameter {
             "mass" if robot.links[link()?].inertia.mass <= 0.0 => return Err(CalibrateError::idle(name)),
             "mass" => ratio(What::Mass(link()?), robot.links[link()?].inertia.mass, 3.0, "kg"),
             "com.x" | "com.y" | "com.z" => {
-                let at = robot.links[link()?].inertia.com[axis(head)];
+                let Link { frame, inertia, .. } = &robot.links[link()?];
+                let at = frame.inverse_transform_point(&inertia.com.into())[axis(head)];
                 (What::Com(link()?, axis(head)), at, at - 0.2 * size, at + 0.2 * size, false, "m")
             }
             "spread.x" | "spread.y" | "spread.z" => ratio(What::Spread(link()?, axis(head)), 1.0, 3.0, "1"),
@@ -150,11 +150,11 @@ impl Parameter {
                 (What::Zero(k), 0.0, -most, most, false, unit)
             }
             "strength" => ratio(What::Strength(joint()?.0), 1.0, 1.5, "1"),
-            // Up to what stops a tenth of mass times size squared within a fiftieth of a second.
+            // Up to the damping that stops a tenth of mass times size squared within a fiftieth of a second.
             "joint-damping" => {
                 joint().map(|(k, j)| braked(What::JointDamping(k), j.damping, 5.0 * size * size * robot.mass(), "N m s/rad"))?
             }
-            // Up to what holds a tenth of the robot's weight on Earth at its size.
+            // Up to the friction that holds a tenth of the robot's weight on Earth at its size.
             "joint-friction" => {
                 joint().map(|(k, j)| braked(What::JointFriction(k), j.friction, 0.1 * size * robot.mass() * GRAVITY, "N m"))?
             }
@@ -165,9 +165,9 @@ impl Parameter {
         Ok(Self { name: name.into(), low, high, nominal, logarithmic, unit, weight: 0.0, what })
     }
 
-    /// What data of free motion in a scene may determine, for one of the two engines: every link's centre of mass and inertia, masses of
-    /// links against that of the root, contact, gravity's size and the robot's (in the log's own metres), the lag, the ground's tilt, and
-    /// what brakes joints.
+    /// Parameters that data of free motion in a scene may determine, for one of the two engines: every link's centre of mass and inertia,
+    /// masses of links relative to the root's, contact, the size of gravity and of the robot (in the log's own metres), the lag, the
+    /// ground's tilt, and damping and friction of joints.
     pub fn usual(system: &System, scene: &str, rapier: bool) -> Result<Vec<Self>, CalibrateError> {
         let mut names: Vec<String> = Vec::new();
         for (k, link) in system.robot.links.iter().enumerate() {
@@ -179,17 +179,17 @@ impl Parameter {
             if rapier { &["friction", "restitution"] } else { &["friction", "stiffness", "damping", "friction-damping", "rounding"] };
         let falls: &[&str] = if system.gravity().norm() > 0.0 { &["gravity", "lag"] } else { &[] };
         let metre: &[&str] = if system.robot.floating() { &["size"] } else { &[] };
-        // A built-in scene has no plane of the robot's own that could lie askew.
+        // A built-in scene has no plane of the robot's own that could be tilted.
         let own = system.robot.floating() && system.spec.scenes.iter().any(|s| s.name == scene);
         let lies: &[&str] = if own { &["tilt.x", "tilt.y"] } else { &[] };
         names.extend(contact.iter().chain(falls).chain(metre).chain(lies).map(|name| name.to_string()));
         let joints = system.robot.joints().map(|j| j.name.clone());
-        // rapier knows no dry friction of joints.
+        // rapier has no dry friction of joints.
         names.extend(joints.flat_map(|j| [Some(format!("joint-damping:{j}")), (!rapier).then(|| format!("joint-friction:{j}"))]).flatten());
         names.iter().map(|name| Self::named(system, name)).collect()
     }
 
-    /// What torques may determine beside that: inertia of drives, zeros of sensors, and how late they act.
+    /// Further parameters that torques may determine: inertia of drives, zeros of sensors, and the delay of torques.
     pub fn driven(system: &System) -> Result<Vec<Self>, CalibrateError> {
         let joints = system.robot.joints().flat_map(|j| [format!("armature:{}", j.name), format!("zero:{}", j.name)]);
         joints.chain(["delay".into()]).map(|name| Self::named(system, &name)).collect()
@@ -201,24 +201,24 @@ impl Parameter {
         if self.logarithmic { self.low * (self.high / self.low).powf(x) } else { self.low + x * (self.high - self.low) }
     }
 
-    /// The same held near a value: see [`Self::weight`].
+    /// The same, kept near a value: see [`Self::weight`].
     #[must_use]
     pub fn near(&self, nominal: f64, weight: f64) -> Self {
         Self { nominal, weight, ..self.clone() }
     }
 
-    /// What a value costs, and how that changes with its place.
+    /// Cost of a value, and the cost's derivative with respect to its place between the bounds.
     pub(super) fn pull(&self, value: f64) -> [f64; 2] {
         let way = self.place(value) - self.place(self.nominal);
         [self.weight * way * way, 2.0 * self.weight * way]
     }
 
-    /// By how much a value changes with its place between the bounds.
+    /// Derivative of a value with respect to its place between the bounds.
     pub(super) fn by_place(&self, value: f64) -> f64 {
         if self.logarithmic { value * (self.high / self.low).ln() } else { self.high - self.low }
     }
 
-    /// A value's position between the bounds.
+    /// A value's place between the bounds, from 0 to 1.
     pub fn place(&self, value: f64) -> f64 {
         if self.low == self.high {
             return 0.0;
@@ -240,14 +240,14 @@ fn axis(name: &str) -> usize {
     ["x", "y", "z"].iter().position(|axis| name.ends_with(axis)).unwrap_or_default()
 }
 
-/// What it changes, its nominal value, lower and upper bound, whether it is searched by its logarithm, unit.
+/// The parameter's kind, nominal value, lower and upper bound, whether it is searched in its logarithm, unit.
 type Bounded = (What, f64, f64, f64, bool, &'static str);
 
 fn ratio(what: What, nominal: f64, factor: f64, unit: &'static str) -> Bounded {
     (what, nominal, nominal / factor, nominal * factor, true, unit)
 }
 
-/// From nothing to `most`, or ten times what the robot has.
+/// From nothing to `most`, or to ten times the robot's value.
 fn braked(what: What, own: f64, most: f64, unit: &'static str) -> Bounded {
     (what, own, 0.0, most.max(10.0 * own), false, unit)
 }
@@ -277,7 +277,7 @@ pub(super) fn round(system: &mut System, radius: f64) {
                 }
                 Locus::Hull { vertices, .. } => {
                     let round = ContactPoint::hull(point.link, vertices.iter().map(moved).collect::<Vec<_>>(), point.radius);
-                    *point = ContactPoint { thickness: point.thickness, ..round };
+                    *point = ContactPoint { thickness: point.thickness, surface: point.surface, ..round };
                 }
             }
             point.radius += radius;

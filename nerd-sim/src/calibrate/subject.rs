@@ -23,14 +23,14 @@ impl Engine {
     }
 }
 
-/// What is compared with measurements.
+/// A robot, scene and solver to be compared with measurements.
 #[derive(Clone)]
 pub struct Subject {
     /// The robot.
     pub system: Arc<System>,
-    /// Where it is.
+    /// Its scene.
     pub scene: Arc<Scene>,
-    /// What moves it.
+    /// Its solver.
     pub engine: Engine,
     /// Frames by which measured velocities are older than their poses.
     pub lag: f64,
@@ -53,7 +53,7 @@ impl Subject {
     pub fn with(&self, parameters: &[Parameter], values: &[f64]) -> Result<Self, CalibrateError> {
         let (mut system, mut engine, mut lag) = ((*self.system).clone(), self.engine, self.lag);
         let (mut delay, mut zeros, mut strength) = (self.delay, self.zeros.clone(), self.strength.clone());
-        // Before everything that is in metres.
+        // Before every length is used.
         for (_, &value) in parameters.iter().zip(values).filter(|(p, _)| p.what == What::Size) {
             system.robot.scale(value);
             system.folds.scale(value);
@@ -71,15 +71,31 @@ impl Subject {
                 }
             }
             match p.what {
-                What::Size | What::Friction | What::Stiffness | What::Damping | What::FrictionDamping => {}
+                // Also for each pair whose friction a file sets.
+                What::Friction => system.one_friction = Some(value),
+                What::Size | What::Stiffness | What::Damping | What::FrictionDamping => {}
                 What::Mass(link) => {
-                    let inertia = &mut system.robot.links[link].inertia;
+                    let Link { inertia, lifted, .. } = &mut system.robot.links[link];
                     inertia.inertia *= value / inertia.mass;
+                    lifted.mass *= value / inertia.mass;
                     inertia.mass = value;
                 }
-                What::Com(link, axis) => system.robot.links[link].inertia.com[axis] = value,
+                What::Com(link, axis) => {
+                    let Link { frame, inertia, lifted, .. } = &mut system.robot.links[link];
+                    let mut com = frame.inverse_transform_point(&inertia.com.into());
+                    com[axis] = value;
+                    let com = frame.transform_point(&com).coords;
+                    lifted.at += com - inertia.com;
+                    inertia.com = com;
+                }
                 What::Inertia(link) => system.robot.links[link].inertia.inertia *= value,
-                What::Spread(link, axis) => system.robot.links[link].inertia.spread(axis, value),
+                What::Spread(link, axis) => {
+                    let Link { frame, inertia, .. } = &mut system.robot.links[link];
+                    let turn = frame.rotation.to_rotation_matrix();
+                    let mut own = BodyInertia { inertia: turn.inverse() * inertia.inertia * turn, ..*inertia };
+                    own.spread(axis, value);
+                    inertia.inertia = turn * own.inertia * turn.inverse();
+                }
                 What::Rounding => round(&mut system, value),
                 What::Gravity => {
                     let g = system.gravity();
@@ -111,12 +127,12 @@ impl Subject {
             }
         }
         let system = Arc::new(system);
-        // A scene that was drawn is no scene of the robot's, and stays as it is.
+        // A randomly drawn scene is not one of the robot's, and is kept.
         let scene = if self.scene.name == "random" { self.scene.clone() } else { system.scene(&self.scene.name)? };
         Ok(Self { scene, system, engine, lag, delay, zeros, strength })
     }
 
-    /// What acts at a frame when torques were asked for, the newest first, of which those before still do for a while.
+    /// The torques that act in a frame under a delay; `asked` are the commanded ones of the last three frames, the newest first.
     pub fn late(&self, asked: &[&[f64]; 3]) -> Vec<f64> {
         let mut out = vec![0.0; asked[0].len()];
         late(self.delay, asked, &mut out);
@@ -124,14 +140,15 @@ impl Subject {
         out
     }
 
-    /// The same pose as sensors show it, or with `side` 1 where the robot is when they show this.
+    /// Converts a pose to sensor readings, or with `side` 1 readings to the pose.
     pub fn shift(&self, pose: &mut [f64], side: f64) {
         let first = self.system.robot.root_coords();
         pose[first..].iter_mut().zip(&self.zeros).for_each(|(q, zero)| *q += side * zero);
     }
 
-    /// How the numbers of robot and scene ([`numbers`]) change with each parameter at these values: `[parameter][number]`, with which gradients
-    /// by numbers ([`Articulated::back_by_numbers`]) become gradients by parameters. Central differences of the numbers, which no solver sees.
+    /// Derivatives of the numbers of robot and scene ([`numbers`]) with respect to each parameter at these values: `[parameter][number]`.
+    /// They turn gradients with respect to numbers ([`Articulated::back_by_numbers`]) into gradients with respect to parameters. Central
+    /// differences of the numbers; no solver is involved.
     pub fn numbers_by(&self, parameters: &[Parameter], values: &[f64]) -> Result<Vec<Vec<f64>>, CalibrateError> {
         let by = |k: usize| {
             let size = 1e-5 * (parameters[k].high - parameters[k].low);

@@ -1,4 +1,4 @@
-//! Open-loop rollouts from measured states: pieces of equal length that begin at every so many frames of a trajectory.
+//! Open-loop rollouts from measured states: pieces of equal length that begin at regular intervals of a trajectory.
 
 use rayon::prelude::*;
 
@@ -6,12 +6,12 @@ use super::{parameter::CalibrateError, subject::Subject};
 use crate::internal::*;
 use crate::log::{Log, Trajectory, turned};
 
-/// A start, and the poses that were measured from there on.
+/// A start, and the measured poses from there on.
 #[derive(Clone, Debug)]
 pub struct Trial {
-    /// Trajectory it is of.
+    /// Its trajectory.
     pub id: u64,
-    /// And the frame there that it begins at.
+    /// The frame of the trajectory at which it begins.
     pub first: usize,
     /// The state `[q, qd]` that a rollout begins with.
     pub start: Vec<f64>,
@@ -19,7 +19,7 @@ pub struct Trial {
     pub measured: Vec<Vec<f64>>,
     /// Torques held over each frame.
     pub torques: Vec<Vec<f64>>,
-    /// And over those before, the newest first; the first of all where they are not known.
+    /// Torques held over the two frames before, the newest first; the first torque where they are unknown.
     pub earlier: [Vec<f64>; 2],
 }
 
@@ -43,13 +43,13 @@ impl Distance {
 }
 
 impl Trial {
-    /// Torques asked for at a frame, and in those before, the newest first.
+    /// Commanded torques at a frame and at the two before, the newest first.
     pub(super) fn asked(&self, frame: usize) -> [&[f64]; 3] {
         std::array::from_fn(|back| frame.checked_sub(back).map_or_else(|| &self.earlier[back - frame - 1], |frame| &self.torques[frame]))
             .map(Vec::as_slice)
     }
 
-    /// Its first frames, a share of all.
+    /// The first frames, as a share of all.
     pub(super) fn begun(&self, share: f64) -> Self {
         let n = ((share * self.measured.len() as f64).ceil() as usize).clamp(2.min(self.measured.len()), self.measured.len());
         Self { measured: self.measured[..n].to_vec(), torques: self.torques[..n - 1].to_vec(), ..self.clone() }
@@ -77,9 +77,8 @@ impl Log {
 }
 
 impl Subject {
-    /// Rolls every trial out, in as many threads as there are: coordinates of every frame as sensors would show them. A rollout that the
-    /// solver cannot finish stays where it is from there on.
-    /// Fails if none can be stepped once.
+    /// Rolls out every trial, on all threads: coordinates of every frame as sensors would show them. A rollout that the solver cannot
+    /// finish stays in place from there on. Fails if no trial can be stepped even once.
     pub fn roll(&self, trials: &[Trial]) -> Result<Vec<Vec<Vec<f64>>>, CalibrateError> {
         let nq = self.system.robot.nq();
         let begin = || (self.engine.solver(), Batch::new(&self.system, &self.scene, 1), Data::new(&self.system.robot));
@@ -109,15 +108,15 @@ impl Subject {
         }
     }
 
-    /// The start of a rollout: out of the ground, which would throw out what begins in it, and, in free fall, with a velocity of its
-    /// own moment.
+    /// The start of a rollout. It is moved out of the ground, which would throw out a body that begins inside, and, in free fall, its
+    /// velocity is corrected for the lag.
     pub(super) fn start(&self, trial: &Trial, data: &mut Data) -> Vec<f64> {
         let (robot, mut state, mut events) = (&self.system.robot, trial.start.clone(), Vec::new());
         self.shift(&mut state[..robot.nq()], 1.0);
         if !robot.floating() {
             return state;
         }
-        contacts(robot, &self.scene, &state, data, &mut events);
+        contacts(&self.system, &self.scene, &state, data, &mut events);
         let nearness = |(e, p): (&ContactEvent, &ContactPoint)| (e.distance - p.radius, e.normal);
         let Some((depth, normal)) = events.iter().zip(&robot.contact_points).map(nearness).min_by(|a, b| a.0.total_cmp(&b.0)) else {
             return state;
@@ -140,7 +139,7 @@ impl Subject {
     }
 }
 
-/// Farther (m) from every surface than this, a body falls freely.
+/// A body farther (m) than this from every surface is in free fall.
 const FREE: f64 = 0.002;
 
 /// The distance of two motions.
@@ -161,7 +160,7 @@ pub fn distance(system: &System, a: &[Vec<f64>], b: &[Vec<f64>]) -> Distance {
     sum
 }
 
-/// The root's axis, and its side, nearest to up.
+/// The root's axis nearest to up, and its sense.
 fn up(q: &[f64]) -> (usize, bool) {
     let up = quaternion(&q[3..7]).inverse() * nalgebra::Vector3::z();
     (up.iamax(), up[up.iamax()] > 0.0)

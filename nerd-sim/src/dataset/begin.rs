@@ -10,13 +10,13 @@ use crate::{internal::*, sampling::scene, vary};
 pub(super) struct Begun {
     pub batch: Batch,
     pub streams: Vec<ChaCha8Rng>,
-    /// What the noise of sensors is drawn from, where they have some.
+    /// Random streams of the sensors' noise, if they have any.
     pub sensors: Vec<ChaCha8Rng>,
     /// One for all, or one for each where robots differ.
     pub drives: Vec<Drive>,
-    /// What was drawn of robots that differ.
+    /// Drawn parameters of robots that differ.
     pub drawn: Vec<f64>,
-    /// By trajectory: the factor on torques, frames for which an action is held, who acts in place of random torques.
+    /// By trajectory: the factor on torques, frames for which an action is held, and the pilot, if any, in place of random torques.
     pub scales: Vec<f64>,
     pub holds: Vec<usize>,
     pub pilots: Vec<Option<Box<dyn Act>>>,
@@ -36,7 +36,7 @@ impl Begun {
         let (mut drawn, mut sensors) = (Vec::new(), Vec::new());
         let (mut scales, mut holds, mut pilots) = (Vec::with_capacity(count), Vec::with_capacity(count), Vec::with_capacity(count));
         for (env, rng) in streams.iter_mut().enumerate() {
-            // Laws that are off draw nothing, so that older data is made again to the byte.
+            // Settings that are off draw nothing, so that older data is reproduced to the byte.
             let pilot = config.pilot.as_ref().filter(|(_, share)| rng.random::<f64>() < *share);
             let launched = pilot.map(|(pilot, _)| pilot.launch(system, rng));
             let reset = config.resets > 0.0 && rng.random::<f64>() < config.resets;
@@ -45,7 +45,7 @@ impl Begun {
                 Some((state, act)) => (state, Some(act)),
                 None => (start(system, which, rng), None),
             };
-            // Last of all, so that a start is what it is without.
+            // Drawn last, so that starts are the same without it.
             let (own, numbers) = vary::draw(system, rng);
             drawn.extend(numbers);
             batch.scenes[env] = scene(&own, &state, rng);

@@ -1,9 +1,11 @@
-//! Settings of a recording: how much, from which starts, driven by what.
+//! Settings of a recording: its amount, its starts, and its drive.
+
+use std::time::Instant;
 
 use super::{drive::Pilot, shard::DatasetError};
 use crate::internal::*;
 
-/// Most that one shard may take in memory.
+/// Most memory of one shard.
 const MOST_GIGABYTES: f64 = 16.0;
 
 /// What to generate.
@@ -17,21 +19,33 @@ pub struct GenerateConfig {
     pub seed: u64,
     /// Trajectories of a shard.
     pub shard_trajectories: usize,
-    /// Range of a factor on the torque amplitudes, drawn once a trajectory (paper: always 1); a share of the trajectories is
-    /// passive where draws are negative ([`super::Drive::draw`]).
+    /// Range of a factor on the torque amplitudes, drawn once a trajectory (paper: always 1). Trajectories with negative draws are passive
+    /// ([`super::Drive::draw`]).
     pub torque_scale: Range,
-    /// Most frames for which an action is held; their number is drawn once a trajectory, its logarithm evenly (paper: 1).
+    /// Most frames for which an action is held; the number is drawn once a trajectory, log-uniformly (paper: 1).
     pub hold: usize,
-    /// Share of the trajectories that start as evaluations and tasks do, not from the training ranges (paper: 0).
+    /// Share of the trajectories that start from the reset ranges of evaluations and tasks instead of the training ranges (paper: 0).
     pub resets: f64,
-    /// Who acts in place of random torques, from starts of its own, and in what share of the trajectories (paper: none).
+    /// A policy that acts in place of random torques, from starts of its own, and its share of the trajectories (paper: none).
     pub pilot: Option<(Arc<dyn Pilot>, f64)>,
+    /// Deadline after which recording ends with [`DatasetError::Late`] (default: none).
+    pub until: Option<Instant>,
 }
 
 impl Default for GenerateConfig {
     fn default() -> Self {
         let torque_scale = Range { low: 1.0, high: 1.0 };
-        Self { transitions: 1_000_000, frames: 100, seed: 0, shard_trajectories: 2048, torque_scale, hold: 1, resets: 0.0, pilot: None }
+        Self {
+            transitions: 1_000_000,
+            frames: 100,
+            seed: 0,
+            shard_trajectories: 2048,
+            torque_scale,
+            hold: 1,
+            resets: 0.0,
+            pilot: None,
+            until: None,
+        }
     }
 }
 
@@ -41,7 +55,7 @@ impl GenerateConfig {
         self.transitions.div_ceil(self.frames.max(1))
     }
 
-    /// Refuses what cannot be made, with the number's name.
+    /// Refuses impossible settings, naming the number.
     pub fn check(&self, system: &System) -> Result<(), DatasetError> {
         let within = |what: &str, x: f64, range| within(format_args!("data: {what}"), x, range, "").map_err(DatasetError::Config);
         within("transitions", self.transitions as f64, 1.0..=1e12)?;

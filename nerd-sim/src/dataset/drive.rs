@@ -1,5 +1,5 @@
-//! What drives random trajectories: fresh random torques every frame, random actions of a position law with fresh random gains, torques
-//! along smooth curves, or a policy.
+//! Drives of random trajectories: new random torques every frame, random actions of a position law with new random gains, torques along
+//! smooth curves, or a policy.
 
 use std::fmt::Debug;
 
@@ -22,7 +22,7 @@ struct Position {
 }
 
 impl Drive {
-    /// What the specification describes.
+    /// The drive that the specification describes.
     pub fn new(system: &Arc<System>) -> Self {
         let position = system.spec.control.and_then(|c| c.data).map(|gains| {
             let controller = Controller::new(system);
@@ -32,9 +32,9 @@ impl Drive {
         Self { action: vec![0.0; amplitudes.len()], amplitudes, position }
     }
 
-    /// Torques of one frame at a state: random ones, or random actions of a position law, times `scale`. At a scale not above 0 nothing is
-    /// driven: a position law holds its pose with its own gains or, below -1/2, lets go, too. As many numbers are drawn whatever the scale,
-    /// but for those of gains.
+    /// Torques of one frame at a state: random ones, or random actions of a position law, times `scale`. At a scale of 0 or below nothing
+    /// is driven: a position law holds its pose with its own gains or, below -1/2, lets go, too. The number of draws does not depend on the
+    /// scale, except for gains.
     pub fn draw(&mut self, state: &[f64], scale: f64, rng: &mut impl Rng, out: &mut [f64]) {
         let factor = if scale > 0.0 { scale } else { 0.0 };
         let mut side = || 2.0 * rng.random::<f64>() - 1.0;
@@ -56,9 +56,9 @@ impl Drive {
     }
 }
 
-/// Takes over trajectories, so that data holds a policy's motions. Its `Debug` says what decides their bytes.
+/// Drives some trajectories, so that data holds a policy's motions. Its `Debug` text identifies everything that determines their bytes.
 pub trait Pilot: Debug + Send + Sync {
-    /// A trajectory's start `[q, qd]`, and who acts in it.
+    /// A trajectory's start `[q, qd]`, and the policy that acts in it.
     fn launch(&self, system: &Arc<System>, rng: &mut ChaCha8Rng) -> (Vec<f64>, Box<dyn Act>);
 }
 
@@ -69,18 +69,18 @@ pub trait Act {
 }
 
 /// Uniform cubic B-splines through random values, one curve a joint, for robots that follow their torques, such as a gripper under
-/// impedance control. A sprung joint's begins at rest: with the torque that holds it where it starts.
+/// impedance control. The curve of a joint with a spring begins at rest: with the torque that holds it at its start.
 pub struct Smooth {
     amplitudes: Vec<f64>,
-    /// The four values around the present, joint by joint.
+    /// The four control values around the present time, by joint.
     values: Vec<[f64; 4]>,
-    /// Frames from one value to the next, and those since the last.
+    /// Frames between two values, and frames since the last value.
     span: usize,
     since: usize,
 }
 
 impl Smooth {
-    /// Curves of a trajectory from `state`, where the specification asks for them and it is driven (`scale` above 0).
+    /// Curves of a trajectory from `state`, if the specification has them and the trajectory is driven (`scale` above 0).
     pub fn new(system: &System, state: &[f64], scale: f64, rng: &mut ChaCha8Rng) -> Option<Self> {
         let pace = system.spec.smooth.filter(|_| scale > 0.0)?;
         let robot = &system.robot;

@@ -1,12 +1,15 @@
 //! Random trajectories: a start from the system's box, a random scene, fresh random torques every frame.
 
+use std::time::Instant;
+
 use super::begin::Begun;
 use super::config::GenerateConfig;
 use super::manifest::{Manifest, header};
-use super::shard::{DatasetError, FORMAT, Recording, read_shard, sha256_of, write_shard};
+use super::shard::{DatasetError, FORMAT, Recording, is_shard, read_shard, sha256_of, write_shard};
+use crate::files::{has_keys, unclaimed};
 use crate::{disturb::blur, internal::*};
 
-/// Records trajectories `first .. first + count` of the seed with `solver`, which is the truth of this data.
+/// Records trajectories `first .. first + count` of the seed with `solver`, the truth of this data.
 pub fn record(
     system: &Arc<System>,
     solver: &mut dyn Solver,
@@ -36,6 +39,9 @@ pub fn record(
     let (mut data, mut events, mut tau) = (Data::new(&system.robot), Vec::new(), vec![0.0; count * joints]);
     let mut begun = streams.clone();
     for frame in 0..=f {
+        if config.until.is_some_and(|until| Instant::now() >= until) {
+            return Err(DatasetError::Late);
+        }
         for env in 0..count {
             let at = (env * (f + 1) + frame) * d;
             out.states[at..at + d].copy_from_slice(batch.state(env));
@@ -43,7 +49,7 @@ pub fn record(
                 continue;
             }
             let row = env * f + frame;
-            // A held action is drawn again from where its numbers began, since a position law answers the state of each frame.
+            // A held action repeats its draws, since a position law responds to the state of each frame.
             if pilots[env].is_some() || frame % holds[env] == 0 {
                 begun[env] = streams[env].clone();
             } else {
@@ -63,7 +69,7 @@ pub fn record(
                 seen = shown;
             }
             if points > 0 {
-                contacts(&system.robot, &batch.scenes[env], seen, &mut data, &mut events);
+                contacts(system, &batch.scenes[env], seen, &mut data, &mut events);
                 for (k, event) in events.iter().enumerate() {
                     let at = (row * points + k) * 3;
                     out.normals[at..at + 3].copy_from_slice(event.normal.as_slice());
@@ -79,8 +85,8 @@ pub fn record(
     Ok(out)
 }
 
-/// Writes all shards and `manifest.json` into `folder`; shards that are there already, from the same settings, are
-/// kept. `progress` receives transitions done and in all.
+/// Writes all shards and `manifest.json` into `folder`; keeps existing shards of the same settings. `progress` receives transitions done
+/// and in all.
 pub fn generate(
     system: &Arc<System>,
     solver: &mut dyn Solver,
@@ -95,6 +101,12 @@ pub fn generate(
         return Err(FileError::new(folder, reason).into());
     }
     let (identity, shards) = (header(system, truth), Shard::all(config));
+    let names: Vec<&str> = shards.iter().map(|shard| shard.name.as_str()).chain(["manifest.json"]).collect();
+    let recorded = |shard: &Shard| is_shard(&folder.join(&shard.name));
+    let known = || {
+        has_keys(&Manifest::path(folder), &["robot", "shards", "sha256"]) || !Manifest::path(folder).exists() && shards.iter().any(recorded)
+    };
+    unclaimed(folder, &names, known).map_err(|e| FileError::new(folder, e))?;
     let there = |shard: &Shard| -> Option<[u8; 32]> {
         let (recording, found) = read_shard(&folder.join(&shard.name)).ok()?;
         (found == shard.header(&identity, config)).then(|| recording.sha256())

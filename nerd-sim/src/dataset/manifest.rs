@@ -13,10 +13,10 @@ pub struct Manifest {
     pub format: Option<u32>,
     /// Robot.
     pub robot: String,
-    /// [`System::robot_sha256`] of what was recorded.
+    /// [`System::robot_sha256`] of the recorded system.
     #[serde(default)]
     pub robot_sha256: String,
-    /// [`System::sha256`] of what was recorded.
+    /// [`System::sha256`] of the recorded system.
     #[serde(default)]
     pub system_sha256: String,
     /// Name of the truth.
@@ -39,7 +39,7 @@ impl Manifest {
         folder.join("manifest.json")
     }
 
-    /// Reads that of a folder.
+    /// Reads a folder's manifest.
     pub fn read(folder: &Path) -> Result<Self, FileError> {
         let path = Self::path(folder);
         let text = read_text(&path).map_err(|e| FileError::new(&path, e))?;
@@ -51,13 +51,13 @@ impl Manifest {
         Ok(manifest)
     }
 
-    /// Refuses data of another system or truth, and says in what they differ.
+    /// Refuses data of another system or truth, and names the difference.
     pub fn check(&self, folder: &Path, system: &System, truth: &str) -> Result<(), FileError> {
         let found = same(system, truth, [&self.robot, &self.robot_sha256, &self.system_sha256, &self.truth]);
         found.map_err(|reason| FileError::new(&Self::path(folder), reason))
     }
 
-    /// Reads one of its shards, if that is of `system` and of its truth.
+    /// Reads one of its shards, if the shard is of `system` and of its truth.
     pub fn shard(&self, folder: &Path, name: &str, system: &System) -> Result<Recording, FileError> {
         self.checked(&folder.join(name), system).map(|(recording, _)| recording)
     }
@@ -69,10 +69,10 @@ impl Manifest {
         checked.map(|()| (recording, header)).map_err(|reason| FileError::new(path, reason))
     }
 
-    /// The same with the scene of each trajectory: a shard does not hold them, its seed draws them again.
+    /// The same with the scene of each trajectory: a shard does not hold scenes, they are drawn again from its seed.
     ///
     /// # Errors
-    /// As [`Manifest::shard`], and if what is drawn is not what was recorded.
+    /// As [`Manifest::shard`], and if the starts drawn again differ from the recorded ones.
     pub fn shard_in_scenes(&self, folder: &Path, name: &str, system: &Arc<System>) -> Result<(Recording, Vec<Arc<Scene>>), DatasetError> {
         let path = folder.join(name);
         let (recording, header) = self.checked(&path, system)?;
@@ -91,7 +91,7 @@ impl Manifest {
         Ok((recording, begun.scenes))
     }
 
-    /// Refuses shards, by their hashes in order, that are others or of other lengths than it was written for.
+    /// Refuses shards whose hashes, in order, or lengths differ from the manifest's.
     pub fn holds(
         &self,
         folder: &Path,
@@ -111,7 +111,7 @@ impl Manifest {
     }
 }
 
-/// What a shard's header says of the system and the truth.
+/// The entries of a shard's header for the system and the truth.
 pub(super) fn header(system: &System, truth: &str) -> BTreeMap<String, String> {
     let own = [
         ("robot", system.name.clone()),
@@ -124,7 +124,7 @@ pub(super) fn header(system: &System, truth: &str) -> BTreeMap<String, String> {
     own.into_iter().chain(drawn).map(|(key, value)| (key.to_string(), value)).collect()
 }
 
-/// Refuses data of another system or truth: its robot's name, hash, the system's hash and the truth.
+/// Refuses data of another system or truth: compares its robot's name and hash, the system's hash and the truth.
 fn same(system: &System, wanted_truth: &str, [name, robot, all, truth]: [&str; 4]) -> Result<(), String> {
     let (wanted_robot, wanted) = (system.robot_sha256(), system.sha256());
     if robot != wanted_robot {

@@ -17,7 +17,7 @@ pub struct Recording {
     pub frames: usize,
     /// States `[trajectory][F + 1][state_dim]`.
     pub states: Vec<f64>,
-    /// States at frames' starts as noisy sensors show them, `[trajectory][F][state_dim]`, and contacts are of these; empty where sensors have
+    /// States at frames' starts as noisy sensors show them, `[trajectory][F][state_dim]`; contacts are of these. Empty where sensors have
     /// no noise ([`crate::vary`]) and show the states.
     pub shown: Vec<f64>,
     /// Joint torques held over each frame, `[trajectory][F][joints]`.
@@ -30,7 +30,7 @@ pub struct Recording {
     pub depths: Vec<f64>,
     /// Gravity (m/s^2), `[trajectory][3]`.
     pub gravity: Vec<f64>,
-    /// What was drawn of the robot's own numbers, `[trajectory][crate::vary::columns]`; empty where nothing varies.
+    /// Drawn parameters of the robot, `[trajectory][crate::vary::columns]`; empty where nothing varies.
     pub drawn: Vec<f64>,
 }
 
@@ -57,7 +57,7 @@ impl Recording {
         arrays
     }
 
-    /// Says which array is not as long as a robot's must be, if one is not: a file may have been made before the robot changed.
+    /// Names an array whose length does not fit the robot, if there is one: a file may have been written before the robot changed.
     pub fn check(&self, system: &System) -> Result<(), String> {
         let robot = &system.robot;
         let (n, f, points) = (self.trajectories, self.frames, robot.contact_points.len());
@@ -103,12 +103,17 @@ pub fn sha256_of(recordings: impl IntoIterator<Item = [u8; 32]>) -> String {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DatasetError {
-    /// A file that cannot be read or written, or holds something else.
+    /// A file that cannot be read or written, or has other content.
     #[error(transparent)]
     File(#[from] FileError),
-    /// Nothing that can be made.
+    /// Impossible settings.
     #[error("{0}")]
     Config(String),
+    /// See [`super::GenerateConfig::until`].
+    #[error(
+        "time was over while data was recorded, of which nothing is kept; give it more, ask for fewer transitions, or record them into a folder first"
+    )]
+    Late,
     /// The solver failed in the batch that begins with this trajectory.
     #[error("trajectories from {0}: {1}")]
     Step(u64, #[source] StepError),
@@ -118,10 +123,10 @@ pub enum DatasetError {
 /// be the same bytes.
 const ENTRY: &str = "recording";
 
-/// Form of shards and their manifest. The first had f32 arrays and did not know the system.
+/// Version of shards and their manifest. Version 1 had f32 arrays and did not identify the system.
 pub const FORMAT: u32 = 2;
 const FORMAT_KEY: &str = "format";
-/// Of the recording, so that a damaged file is known for one.
+/// Key of the recording's hash, by which a damaged file is detected.
 const HASH_KEY: &str = "sha256";
 
 /// Writes `recording` with `metadata` and [`FORMAT`] in the header (as JSON): to a temporary name first, then renamed.
@@ -144,7 +149,14 @@ pub fn write_shard(path: &Path, recording: &Recording, metadata: &BTreeMap<Strin
     crate::files::write(path, &bytes).map_err(|e| FileError::new(path, e))
 }
 
-/// Reads a shard and its metadata; refuses one whose numbers were changed since.
+/// Whether a file begins as a shard does, whole or not.
+pub(super) fn is_shard(path: &Path) -> bool {
+    let bytes = crate::files::read(path).unwrap_or_default();
+    let header = SafeTensors::read_metadata(&bytes).map(|(_, header)| header.metadata().clone().unwrap_or_default());
+    header.is_ok_and(|words| words.contains_key(ENTRY))
+}
+
+/// Reads a shard and its metadata; refuses one whose numbers have changed.
 pub fn read_shard(path: &Path) -> Result<(Recording, BTreeMap<String, String>), FileError> {
     let bytes = crate::files::read(path).map_err(|e| FileError::new(path, e))?;
     let wrong = |reason: String| FileError::new(path, reason);
@@ -183,7 +195,7 @@ pub fn read_shard(path: &Path) -> Result<(Recording, BTreeMap<String, String>), 
     Ok((recording, metadata))
 }
 
-/// Refuses data of another form than [`FORMAT`].
+/// Refuses data of another version than [`FORMAT`].
 pub(super) fn check_format(found: Option<u32>) -> Result<(), String> {
     match found {
         Some(FORMAT) => Ok(()),

@@ -1,5 +1,5 @@
-//! Locks: on a folder of results, for one writer at a time, and on partial files, so that those left by killed
-//! writers are known. A lock ends with its process. On a file system without locks nothing is refused or removed.
+//! Locks: on a folder of results, for one writer at a time, and on partial files, to identify those left by killed writers. A lock ends
+//! with its process. On a file system without locks nothing is refused or removed.
 
 use std::fs::{File, TryLockError};
 use std::io::{Error, ErrorKind, Result};
@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
 
-/// A folder claimed by [`claim`], until this is dropped or the process ends, however it does. Folders that were made by the
-/// claim and are still empty then go with it.
+/// A folder claimed by [`claim`], until this is dropped or the process ends in any way. Folders that the claim created are removed with it
+/// if they are still empty.
 #[derive(Debug)]
 pub struct Claim {
-    /// From the folder up.
+    /// Folders that the claim created, from the innermost up.
     made: Vec<PathBuf>,
     _lock: File,
 }
@@ -20,7 +20,7 @@ pub struct Claim {
 /// Refused if another process, or another claim of this one, writes there.
 pub fn claim(folder: &Path) -> Result<Claim> {
     let named = |e: Error| Error::new(e.kind(), format!("{}: {e}", folder.display()));
-    // A claim that ends may remove the folder just before it is locked here: then it is made again.
+    // A claim that ends may remove the folder just before it is locked here; then it is made again.
     for _ in 0..100 {
         let made = folder.ancestors().take_while(|f| !f.as_os_str().is_empty() && !f.exists()).map(PathBuf::from).collect();
         std::fs::create_dir_all(folder)
@@ -44,12 +44,12 @@ pub fn claim(folder: &Path) -> Result<Claim> {
 
 impl Drop for Claim {
     fn drop(&mut self) {
-        // Refused, as it should be, from the first on that has anything in it.
+        // Fails, as it should, at the first folder that is not empty.
         let _ = self.made.iter().try_for_each(std::fs::remove_dir);
     }
 }
 
-/// What is locked, opened, and its path: the folder itself, or a file in it where folders cannot be opened.
+/// The opened file that is locked, and its path: the folder itself, or a file in it where folders cannot be opened.
 fn opened(folder: &Path) -> Result<(File, PathBuf)> {
     if cfg!(unix) {
         return Ok((File::open(folder)?, folder.into()));
@@ -78,7 +78,7 @@ pub(super) fn create(folder: &Path) -> Result<NamedTempFile> {
     Err(Error::other("another process removes every file that is started here"))
 }
 
-/// Removes what killed writers left in a folder, as far as that can be done.
+/// Removes files that killed writers left in a folder, as far as possible.
 pub(super) fn sweep(folder: &Path) {
     let ours = |name: &str| name.starts_with(PREFIX) && name.ends_with(SUFFIX);
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
@@ -92,7 +92,7 @@ pub(super) fn sweep(folder: &Path) {
     }
 }
 
-/// Whether an open file is still the one of that name.
+/// Whether an open file is still the one at this path.
 pub(super) fn is_at(file: &File, path: &Path) -> bool {
     #[cfg(unix)]
     {

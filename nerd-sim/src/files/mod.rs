@@ -1,25 +1,30 @@
-//! Files: output that is there whole or not at all, folders that one process at a time writes, texts.
+//! Files: output that is written whole or not at all, folders for one writer at a time, texts.
 
 mod lock;
+pub mod memory;
+mod own;
+mod xml;
 
-use std::fs::OpenOptions;
-use std::io::{Error, Result, Write};
+use std::fs::{File, OpenOptions};
+use std::io::{Error, Read, Result, Write};
 use std::path::{Path, PathBuf};
 
 pub use lock::{Claim, claim};
+pub use own::{has_keys, replaceable, unclaimed};
+pub(crate) use xml::nested;
 
-/// What is wrong with a file; one line.
+/// An error about a file; one line.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {reason}", path.display())]
 pub struct FileError {
     /// The file.
     pub path: PathBuf,
-    /// Why it cannot be used, with its line if it has one.
+    /// Why it cannot be used, with the line number if there is one.
     pub reason: String,
 }
 
 impl FileError {
-    /// What is wrong with this file.
+    /// An error about this file.
     pub fn new(path: &Path, reason: impl ToString) -> Self {
         Self { path: path.into(), reason: reason.to_string() }
     }
@@ -30,9 +35,9 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     write_with(path, |file| file.write_all(bytes))
 }
 
-/// Replaces the file at `path` by what `fill` writes, under a temporary name first, so a reader of `path` sees an old or
-/// a new file, never half of one. A symbolic link stays, and what it leads to is replaced; a device or a pipe is written
-/// into. What writers that were killed left in the folder is removed. After an error an older file at `path` is untouched.
+/// Replaces the file at `path` by the output of `fill`, under a temporary name first, so a reader of `path` sees an old or a new file,
+/// never half of one. A symbolic link stays, and its target is replaced; a device or a pipe is written into. Removes files that killed
+/// writers left in the folder. After an error an older file at `path` is untouched.
 pub fn write_with(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
     let path = &target(path)?;
     match std::fs::metadata(path) {
@@ -48,13 +53,13 @@ pub fn write_with(path: &Path, fill: impl FnOnce(&mut dyn Write) -> Result<()>) 
     lock::sweep(folder);
     let mut file = lock::create(folder)?;
     fill(&mut file)?;
-    // On the disk before the rename is: otherwise a power cut may leave the new name with no content.
+    // Flushed to disk before the rename: otherwise a power cut may leave the new name without content.
     file.as_file().sync_all()?;
     file.persist(path)?;
     Ok(())
 }
 
-/// Refuses what is no file: it may never end, as a device or a pipe that nobody writes to.
+/// Refuses anything but a regular file: a device, or a pipe that nobody writes to, may never end.
 pub fn is_file(path: &Path) -> Result<()> {
     let refused = |kind, said| Err(Error::new(kind, said));
     match std::fs::metadata(path)? {
@@ -64,27 +69,64 @@ pub fn is_file(path: &Path) -> Result<()> {
     }
 }
 
-/// The bytes of a file.
+/// Largest text that is read (bytes).
+pub const LARGEST_TEXT: u64 = 1 << 26;
+/// Most bytes of numbers in one file's tables and arrays.
+pub const LARGEST_TABLE: u64 = 1 << 31;
+
+/// The bytes of a file, if memory has room for them.
 pub fn read(path: &Path) -> Result<Vec<u8>> {
-    is_file(path)?;
-    std::fs::read(path)
+    read_most(path, memory::free())
 }
 
-/// A text file; says where it is not UTF-8.
+/// The bytes of a file of at most `most` bytes.
+pub fn read_most(path: &Path, most: u64) -> Result<Vec<u8>> {
+    bounded(path, most)?;
+    let mut bytes = Vec::new();
+    // It may grow while it is read.
+    File::open(path)?.take(most).read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// Refuses a file of more than `most` bytes.
+pub fn bounded(path: &Path, most: u64) -> Result<()> {
+    is_file(path)?;
+    let size = std::fs::metadata(path)?.len();
+    match size > most {
+        true => Err(Error::new(std::io::ErrorKind::FileTooLarge, too_large(size, most))),
+        false => Ok(()),
+    }
+}
+
+/// The message of that refusal, in megabytes.
+pub(crate) fn too_large(size: u64, most: u64) -> String {
+    format!("has {} MB; at most {} MB are read", size >> 20, most >> 20)
+}
+
+/// A text file; an error names the position that is not UTF-8.
 pub fn read_text(path: &Path) -> Result<String> {
-    String::from_utf8(read(path)?).map_err(|e| {
+    text(read_most(path, LARGEST_TEXT)?)
+}
+
+/// A text that grows with a run, such as its metrics.
+pub fn read_record(path: &Path) -> Result<String> {
+    text(read(path)?)
+}
+
+fn text(bytes: Vec<u8>) -> Result<String> {
+    String::from_utf8(bytes).map_err(|e| {
         let at = e.utf8_error().valid_up_to();
         let line = 1 + e.as_bytes()[..at].iter().filter(|b| **b == b'\n').count();
         Error::new(std::io::ErrorKind::InvalidData, format!("not UTF-8 at byte {at}, line {line}; save it as UTF-8"))
     })
 }
 
-/// Where a chain of symbolic links ends, whether there is something or not.
+/// The end of a chain of symbolic links, whether it exists or not.
 fn target(path: &Path) -> Result<PathBuf> {
     let mut path = path.to_path_buf();
     // As many as Linux follows.
     for _ in 0..40 {
-        // What the links of /proc/self/fd lead to has no name in the file system, but can be opened.
+        // The targets of links in /proc/self/fd have no name in the file system, but can be opened.
         let special = std::fs::metadata(&path).is_ok_and(|there| !there.is_file() && !there.is_dir());
         match std::fs::read_link(&path) {
             Ok(next) if !special => path = path.parent().unwrap_or(Path::new("")).join(next),

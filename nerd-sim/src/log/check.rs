@@ -1,4 +1,4 @@
-//! What cannot be right: rates that are not those of the poses, free fall that is not gravity.
+//! Checks of measurements: velocities that contradict the poses, free fall that is not gravity.
 
 use super::data::{Log, LogError, bad};
 use super::read::{Moment, Raw};
@@ -7,23 +7,23 @@ use super::tidy::rate;
 use crate::internal::*;
 use crate::table::Place;
 
-/// Rates that are off by more than this share are not those of the poses.
+/// Velocities with a larger relative error than this contradict the poses.
 const OFF: f64 = 0.5;
-/// Rates that change by no more than this share from one row to the next are steady.
+/// Velocities that change by at most this share from one row to the next are steady.
 const STEADY: f64 = 0.3;
-/// Rates that are off by more than this share are noted.
+/// Velocities with a larger relative error than this are noted.
 const NOISY: f64 = 0.15;
-/// A share by which rates or free fall are off that is worth a line.
+/// Least relative error of velocities or free fall that is noted.
 const ODD: f64 = 0.01;
-/// Of so many rows all are asked for their rates.
+/// Up to this many rows, all velocities are checked.
 const ASKED: usize = 100_000;
-/// Flights that free fall is read from take so long (s), and so many frames, at least.
+/// Least duration (s) and number of frames of a flight from which free fall is measured.
 const FLIGHT: (f64, usize) = (0.08, 8);
-/// Between frames that are further apart (s) something may have touched, and nobody saw it.
+/// Frames further apart (s) than this may hide a contact.
 const LONG: f64 = 0.02;
-/// They are this far (m) from every surface.
+/// Least distance (m) from every surface in free flight.
 const CLEAR: f64 = 0.005;
-/// A fall that differs from gravity by this share is none.
+/// A fall that differs from gravity by this share is not free.
 const HELD: f64 = 0.5;
 /// Factors that would correct a wrong unit.
 const UNITS: [(f64, &str); 6] = [
@@ -35,21 +35,21 @@ const UNITS: [(f64, &str); 6] = [
     (0.01, "a factor of 100"),
 ];
 
-/// The unit that explains a factor, if one does.
+/// The unit that explains a factor, if there is one.
 fn unit(factor: f64) -> Option<&'static str> {
     UNITS.iter().find(|(f, _)| (factor / f).ln().abs() < 0.2).map(|u| u.1)
 }
 
-/// Rows that follow each other; of many some, spread over all.
+/// Consecutive rows; of many rows some, spread over all.
 fn pairs(raw: &[Raw]) -> impl Iterator<Item = (&Moment, &Moment)> {
     let rows: usize = raw.iter().map(|r| r.moments.len()).sum();
     let all = raw.iter().flat_map(|r| r.moments.windows(2).map(|pair| (&pair[0], &pair[1])));
     all.step_by((rows / ASKED).max(1))
 }
 
-/// How far rates that were measured at two rows are in the mean from those of the poses: the share of their size, and the factor that fits
-/// best. The fastest quarter is asked, since what rests has rates of noise alone; and rates that change a lot from one row to the next are
-/// not, since who knows when they did.
+/// Median error of measured velocities, at two consecutive rows, against the velocity of the poses: relative to its median size, and the
+/// factor that fits best. Only the fastest quarter counts, since velocities at rest are noise. Velocities that change much between the two
+/// rows are skipped, since the time of the change is unknown.
 fn misfit(rates: impl Iterator<Item = (Vector3<f64>, [Vector3<f64>; 2])>) -> Option<[f64; 2]> {
     let (mut off, mut size, mut product, mut square) = (Vec::new(), Vec::new(), 0.0, 0.0);
     let steady = rates.filter(|(_, [a, b])| (a - b).norm() <= STEADY * (a + b).norm() / 2.0).map(|(found, [a, b])| (found, (a + b) / 2.0));
@@ -65,10 +65,10 @@ fn misfit(rates: impl Iterator<Item = (Vector3<f64>, [Vector3<f64>; 2])>) -> Opt
     Some([median(&mut off)? / size, product / square])
 }
 
-/// Refuses rates that the poses contradict, and says what would explain them; what is off by less is noted.
+/// Refuses velocities that contradict the poses, and names a possible cause; smaller errors are noted.
 pub(super) fn rates(csv: &Path, spec: &LogSpec, system: &System, raw: &[Raw], notes: &mut Vec<String>) -> Result<(), LogError> {
     let seconds = |a: &Moment, b: &Moment| b.time - a.time;
-    // Of so many columns from one on: the rates of the poses, and those that were measured.
+    // Velocities of the poses and measured ones, for `many` columns from `from` on.
     let columns = |from: usize, many: usize| {
         let some = |all: &[f64]| Vector3::from_fn(|i, _| if i < many { all[from + i] } else { 0.0 });
         misfit(pairs(raw).map(|(a, b)| (some(&rate(&system.robot, &a.q, &b.q, seconds(a, b))), [a, b].map(|m| some(&m.qd)))))
@@ -80,7 +80,7 @@ pub(super) fn rates(csv: &Path, spec: &LogSpec, system: &System, raw: &[Raw], no
         let angular = |order: Order, axes: Axes| {
             misfit(pairs(raw).map(|(a, b)| {
                 let [x, y] = [a, b].map(|m| as_if(&m.q[3..7], root.order, order));
-                // The angular velocity in the columns' own axes, then in those of the hypothesis.
+                // The angular velocity in the columns' own axes, then in the hypothesis's.
                 let measured = [(a, x), (b, y)].map(|(m, turn)| {
                     let own = Vector3::new(m.qd[0], m.qd[1], m.qd[2]);
                     let own = if root.axes == Axes::Body { quaternion(&m.q[3..7]).inverse() * own } else { own };
@@ -111,7 +111,7 @@ pub(super) fn rates(csv: &Path, spec: &LogSpec, system: &System, raw: &[Raw], no
     Ok(())
 }
 
-/// An orientation (x y z w) that was read in the order `stated`, as it would be in another.
+/// An orientation (x y z w) that was read in the order `stated`, read in another order instead.
 fn as_if(q: &[f64], stated: Order, order: Order) -> UnitQuaternion<f64> {
     order.turn(match stated {
         Order::Wxyz => [q[3], q[0], q[1], q[2]],
@@ -133,7 +133,7 @@ fn refuse(csv: &Path, columns: &str, off: f64, factor: f64, better: Option<Strin
     Err(bad(csv, format!("{words}; {advice}")))
 }
 
-/// Notes a coordinate that moves in one row by a thousand times what it does in ninety-nine of a hundred: a glitch of a sensor, or of a file.
+/// Notes a coordinate that jumps in one row by a thousand times its change in 99 % of the rows: a glitch of a sensor or of a file.
 pub(super) fn jumps(spec: &LogSpec, system: &System, raw: &[Raw], notes: &mut Vec<String>) {
     let root = spec.root.iter().flat_map(|root| root.position.iter().enumerate());
     let joint = |name: &String| spec.joints.iter().find(|j| j.name == *name).map(|j| &j.position);
@@ -153,8 +153,8 @@ pub(super) fn jumps(spec: &LogSpec, system: &System, raw: &[Raw], notes: &mut Ve
     }
 }
 
-/// What free fall says of lengths and time; an error where only a wrong unit explains it. Frames before a release are taken
-/// away: what a hand holds does not fall.
+/// Checks lengths and time by free fall; an error only if a wrong unit explains the difference. Removes frames before a release: a held
+/// body does not fall.
 pub(super) fn falls(csv: &Path, log: &mut Log, scene: &Arc<Scene>) -> Result<(), LogError> {
     let g = scene.gravity.norm();
     if !log.system.robot.floating() || g == 0.0 || log.system.frame_time > LONG {
@@ -165,7 +165,7 @@ pub(super) fn falls(csv: &Path, log: &mut Log, scene: &Arc<Scene>) -> Result<(),
     let least = FLIGHT.1.max((FLIGHT.0 / system.frame_time).ceil() as usize);
     for trajectory in &mut log.trajectories {
         let height = |state: &Vec<f64>| {
-            contacts(&system.robot, scene, state, &mut data, &mut events);
+            contacts(&system, scene, state, &mut data, &mut events);
             let clear = events.iter().zip(&system.robot.contact_points).all(|(e, p)| e.distance - p.radius > CLEAR);
             clear.then(|| -totals(&system.robot, state, &mut data).com.dot(&scene.gravity) / g)
         };
@@ -211,7 +211,7 @@ fn acceleration(x: &[f64], dt: f64) -> f64 {
     let n = x.len() as f64;
     let time = |k: usize| (k as f64 - 0.5 * (n - 1.0)) * dt;
     let square = (0..x.len()).map(|k| time(k).powi(2)).sum::<f64>() / n;
-    // The part of t^2 that a straight line has not.
+    // The part of t^2 that is orthogonal to a straight line.
     let bend = |k: usize| time(k).powi(2) - square;
     let norm: f64 = (0..x.len()).map(|k| bend(k).powi(2)).sum();
     2.0 * x.iter().enumerate().map(|(k, x)| bend(k) * x).sum::<f64>() / norm

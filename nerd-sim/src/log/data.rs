@@ -6,21 +6,21 @@ use crate::internal::*;
 /// Measured trajectories.
 #[derive(Clone, Debug)]
 pub struct Log {
-    /// Where it comes from, in words.
+    /// Origin of the data, in words.
     pub about: Option<String>,
-    /// Time (us) that a frame took on one core, where a simulator made it.
+    /// Time (us) of a frame on one core, if a simulator made the data.
     pub cost: Option<f64>,
     /// The robot.
     pub system: Arc<System>,
-    /// Where it was.
+    /// Name of its scene.
     pub scene: String,
-    /// What was measured, one state a frame.
+    /// Measurements, one state a frame.
     pub trajectories: Vec<Trajectory>,
-    /// What was done to it, and what looks odd, a line each.
+    /// Corrections made, and oddities, a line each.
     pub notes: Vec<String>,
-    /// Names of trajectories that are judged together; each is in one of these, or there are none.
+    /// Groups of trajectories that are held out together, by name; each trajectory is in one group, or there are none.
     pub folds: Vec<Vec<u64>>,
-    /// What others published of it.
+    /// Published results on these measurements.
     pub published: Vec<Published>,
 }
 
@@ -31,7 +31,7 @@ pub struct Trajectory {
     pub id: u64,
     /// States `[q, qd]` as solvers have them, one a frame.
     pub states: Vec<Vec<f64>>,
-    /// Torques of the joints, as many.
+    /// Torques of the joints, one row for each state.
     pub torques: Vec<Vec<f64>>,
 }
 
@@ -39,16 +39,16 @@ pub struct Trajectory {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LogError {
-    /// A file that cannot be read, does not say what is needed, or contradicts itself.
+    /// A file that cannot be read, lacks required entries, or contradicts itself.
     #[error(transparent)]
     File(#[from] FileError),
-    /// A robot that cannot be made.
+    /// A robot that cannot be read.
     #[error(transparent)]
     System(#[from] SystemError),
 }
 
 impl Log {
-    /// Fails unless every trajectory is in one fold, where there are folds.
+    /// Fails unless every trajectory is in one fold, if there are folds.
     pub(super) fn parted(&self) -> Result<(), String> {
         let mut all: Vec<u64> = self.folds.concat();
         all.sort_unstable();

@@ -1,9 +1,9 @@
-//! Measured trajectories of any robot: a table (CSV, npz, safetensors), and a TOML beside it that says which column is what, in which unit and frame
-//! ([`LogSpec`]).
+//! Measured trajectories of any robot: a table (CSV, npz, safetensors), and a TOML beside it that gives meaning, unit and frame of the
+//! columns ([`LogSpec`]).
 //!
-//! A [`Log`] holds states as solvers have them, one a frame of the robot. What had to be done for that is in its `notes`:
-//! velocities taken from differences, gaps at which a trajectory was cut, other rates that were resampled, copies left out. What
-//! cannot be right ends in an error, or in a note with the figure: rates that are not those of the poses, free fall that is not g.
+//! A [`Log`] holds states in the form of the solvers, one a frame of the robot. Its `notes` list the conversions: velocities from
+//! differences, cuts at gaps, resampled rates, copies left out. Impossible data ends in an error, or in a note with the figure: velocities
+//! that contradict the poses, free fall that is not g.
 
 mod check;
 mod data;
@@ -21,12 +21,11 @@ pub use spec::{LogSpec, Published};
 
 use crate::{dataset::Recording, internal::*};
 
-/// Between two rows lie at most so many frames.
+/// Most frames between two rows.
 const FEW: f64 = 100.0;
 
 impl Log {
-    /// From the TOML that describes a table; `csv` is the table, by default the one that the TOML names.
-    /// Errors name file, row and column.
+    /// Reads the TOML that describes a table; `csv` is the table, by default the one that the TOML names. Errors name file, row and column.
     pub fn read(path: &Path, csv: Option<&Path>) -> Result<Self, LogError> {
         let (spec, system) = read::specified(path)?;
         let csv = csv.map_or_else(|| path.with_file_name(&spec.file), Path::to_path_buf);
@@ -61,8 +60,8 @@ impl Log {
         Ok(log)
     }
 
-    /// Pieces of so many frames. Neighbours share `shared` frames, so that of a trajectory's runs of `shared + 1` frames each is in
-    /// one piece; its last piece ends where it does. Shorter trajectories are left out.
+    /// Pieces of `frames` frames. Neighbours overlap by `shared` frames, so that every run of `shared + 1` frames of a trajectory is in one
+    /// piece. The last piece ends with its trajectory, and may repeat some runs. Shorter trajectories are left out.
     pub fn recording(&self, trajectories: &[Trajectory], frames: usize, shared: usize) -> Result<Recording, LogError> {
         let (robot, scene) = (&self.system.robot, self.system.scene(&self.scene)?);
         let mut out = Recording { frames, ..Recording::default() };
@@ -77,7 +76,7 @@ impl Log {
                     let state = &trajectory.states[frame];
                     if frame < first + frames {
                         out.torques.extend(&trajectory.torques[frame]);
-                        contacts(robot, &scene, state, &mut data, &mut events);
+                        contacts(&self.system, &scene, state, &mut data, &mut events);
                         out.normals.extend(events.iter().flat_map(|e| e.normal.iter().copied().collect::<Vec<_>>()));
                         out.points.extend(events.iter().flat_map(|e| e.p1.iter().copied().collect::<Vec<_>>()));
                         out.depths.extend(events.iter().map(|e| e.distance));

@@ -1,11 +1,11 @@
-//! Rows of a table, in SI units and our own order of coordinates.
+//! Rows of a table, in SI units and the coordinate order of states.
 
 use super::data::{LogError, bad};
-use super::spec::{Axes, LogSpec, RootColumns, Units};
+use super::spec::{Axes, LogSpec, Published, RootColumns, Units};
 use crate::table::{Place, Row, Table, twice};
 use crate::{arrays::Arrays, internal::*};
 
-/// Largest number that is taken for a measurement, in SI units; of times since some epoch, too.
+/// Largest number accepted as a measurement, in SI units; also for times since an epoch.
 const MOST: f64 = 1e11;
 
 #[derive(Clone, Debug)]
@@ -15,14 +15,14 @@ pub(super) struct Moment {
     pub time: f64,
     /// Coordinates as a state has them.
     pub q: Vec<f64>,
-    /// Velocities: of a floating root the angular velocity and that of its origin, both in world axes, then joints. NaN where
-    /// they were not measured.
+    /// Velocities: of a floating root the angular velocity and its origin's velocity, both in world axes, then joints. NaN where not
+    /// measured.
     pub qd: Vec<f64>,
     /// Torques of the joints; NaN where a cell is empty.
     pub torques: Vec<f64>,
 }
 
-/// A run of rows of one name.
+/// Consecutive rows of one trajectory.
 #[derive(Clone, Debug)]
 pub(super) struct Raw {
     pub id: u64,
@@ -34,7 +34,7 @@ struct Columns<'a> {
     trajectory: Option<usize>,
     time: Option<usize>,
     root: Option<Root<'a>>,
-    /// Position, velocity and torque; whether it slides.
+    /// Column of position, velocity and torque; whether it slides.
     joints: Vec<([Option<usize>; 3], bool)>,
 }
 
@@ -46,10 +46,15 @@ struct Root<'a> {
     angular: Option<Vec<usize>>,
 }
 
-/// The file's specification, and the robot that it names.
+/// The file's specification, and the robot it names.
 pub fn specified(path: &Path) -> Result<(LogSpec, Arc<System>), LogError> {
     let text = crate::files::read_text(path).map_err(|e| bad(path, e.to_string()))?;
     let spec: LogSpec = toml::from_str(&text).map_err(|e| bad(path, e.to_string().trim().replace('\n', " ")))?;
+    for Published { method, position, rotation } in &spec.published {
+        let within = |key: &str, x: f64| within(format!("[[published]] {method}: {key}"), x, 0.0..=1e9, "").map_err(|e| bad(path, e));
+        within("position", *position).and_then(|()| within("rotation", *rotation))?;
+    }
+    within("cost", spec.cost.unwrap_or(1.0), 1e-6..=1e12, "us").map_err(|e| bad(path, e))?;
     let beside = path.with_file_name(&spec.robot);
     let name = if beside.exists() { beside.display().to_string() } else { spec.robot.clone() };
     let system = System::named(&name)?;
@@ -147,7 +152,8 @@ pub fn tables(csv: &Path) -> Result<Vec<PathBuf>, LogError> {
     if all.is_empty() { Err(bad(csv, "no .csv, .npz or .safetensors in this folder".into())) } else { Ok(all) }
 }
 
-/// All rows by trajectory, in the order of their names. Where no column names them, each table is one, or as many as its arrays have.
+/// All rows by trajectory, in the order of their names. Without a column of names, each table is one trajectory, or has as many as its
+/// arrays.
 pub(super) fn rows(csv: &Path, spec: &LogSpec, system: &System) -> Result<Vec<Raw>, LogError> {
     let mut all = BTreeMap::new();
     let mut next = 0;
@@ -171,7 +177,7 @@ pub(super) fn rows(csv: &Path, spec: &LogSpec, system: &System) -> Result<Vec<Ra
     Ok(all.into_values().collect())
 }
 
-/// Of one table, whose first trajectory is of this number if none has a name.
+/// Trajectories of one table; `first` is the number of its first one if they have no names.
 fn of_table(csv: &Path, first: u64, spec: &LogSpec, system: &System) -> Result<BTreeMap<u64, Raw>, LogError> {
     let mut table = Table::of(csv, &columns(spec))?;
     let columns = Columns::new(&table, spec, system)?;
@@ -179,7 +185,7 @@ fn of_table(csv: &Path, first: u64, spec: &LogSpec, system: &System) -> Result<B
     table.rows(|row| {
         let id = columns.trajectory.map_or(Ok(first + row.trajectory().unwrap_or(0)), |c| row.whole(c, u64::MAX))?;
         let mut moment = columns.moment(row)?;
-        // Squares of what is larger leave the range of numbers, and nothing that moves is.
+        // Squares of larger numbers overflow, and no real motion reaches them.
         if let Some(x) = moment.q.iter().chain(&moment.qd).chain(&moment.torques).chain([&moment.time]).find(|x| x.abs() > MOST) {
             return Err(row.wrong(&format!(": a value of {x:e} in SI units, at most {MOST:e} can be meant")));
         }

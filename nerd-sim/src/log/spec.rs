@@ -1,4 +1,4 @@
-//! The TOML beside a table of measurements: which column is what, in which unit and frame.
+//! The TOML beside a table of measurements: meaning, unit and frame of its columns.
 
 use nalgebra::{Quaternion, UnitQuaternion};
 use serde::{Deserialize, Deserializer, Serialize, de::Error};
@@ -56,11 +56,11 @@ pub struct LogSpec {
     pub(super) published: Vec<Published>,
 }
 
-/// A figure that others published of the same measurements.
+/// A published figure on the same measurements.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Published {
-    /// Whose.
+    /// Method that it was published for.
     pub method: String,
     /// Mean distance of the root (m).
     pub position: f64,
@@ -68,7 +68,7 @@ pub struct Published {
     pub rotation: f64,
 }
 
-/// Units, as factors to metres, radians and seconds; velocities are in those of length or angle over seconds.
+/// Units, as factors to metres, radians and seconds; velocities are in units of length or angle over time.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub(super) struct Units {
@@ -86,7 +86,7 @@ impl Default for Units {
     }
 }
 
-/// Those of length, angle and time by name.
+/// Factors of length, angle and time units, by name.
 const UNITS: [&[(&str, f64)]; 3] = [
     &[("m", 1.0), ("cm", 1e-2), ("mm", 1e-3)],
     &[("rad", 1.0), ("deg", std::f64::consts::PI / 180.0)],
@@ -120,7 +120,7 @@ pub(super) enum Order {
 }
 
 impl Order {
-    /// The rotation that four numbers in this order are.
+    /// The rotation with these four numbers, in this order.
     pub fn turn(self, [a, b, c, d]: [f64; 4]) -> UnitQuaternion<f64> {
         UnitQuaternion::new_normalize(match self {
             Self::Wxyz => Quaternion::new(a, b, c, d),

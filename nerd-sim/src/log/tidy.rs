@@ -1,4 +1,4 @@
-//! From rows to frames: copies left out, cut at gaps, missing velocities from differences, other rates resampled.
+//! From rows to frames: removes copies, cuts at gaps, computes missing velocities from differences, resamples other rates.
 
 use nerd_core::state::{difference, wrap_state};
 
@@ -6,12 +6,12 @@ use super::data::Trajectory;
 use super::read::{Moment, Raw};
 use crate::internal::*;
 
-/// A step that is this many times the usual one is a gap.
+/// A step larger than the usual one by this factor is a gap.
 const GAP: f64 = 1.5;
-/// Share of a frame by which a row may be early or late; or by half of their last digit, if that is no more than the second.
+/// Share of a frame by which a row may be early or late; or half of the times' last digit, if that is no more than the second figure.
 const JITTER: f64 = 0.01;
 const ROUNDED: f64 = 0.05;
-/// Numbers of two copies differ by no more: digits are cut in files.
+/// Largest difference of numbers between two copies: files round digits.
 const SAME: f64 = 1e-4;
 
 /// The usual step of a trajectory: the median.
@@ -27,14 +27,14 @@ fn rounding(moments: &[Moment]) -> f64 {
     [1e-1, 1e-2, 1e-3, 1e-4, 1e-5].into_iter().find(|digit| whole(*digit)).unwrap_or(0.0) / 2.0
 }
 
-/// Leaves out what is another trajectory turned about the vertical and shifted on the ground: it would count twice, and sit on
-/// both sides of a split.
+/// Removes trajectories that equal another one up to rotation about the vertical and horizontal shift: they would count twice, and could be
+/// on both sides of a split.
 pub(super) fn copies(system: &System, raw: &mut Vec<Raw>, notes: &mut Vec<String>) {
     if !system.robot.floating() {
         return;
     }
     let joints = system.robot.root_coords();
-    // What such a turn leaves alone: heights, the vertical in body axes, and joints.
+    // Quantities that such a motion does not change: heights, the vertical in body axes, and joints.
     let print = |raw: &Raw| -> Vec<f64> {
         let of = |m: &Moment| {
             let up = quaternion(&m.q[3..7]).inverse() * Vector3::z();
@@ -42,7 +42,7 @@ pub(super) fn copies(system: &System, raw: &mut Vec<Raw>, notes: &mut Vec<String
         };
         raw.moments.iter().flat_map(of).collect()
     };
-    // By a number amid them, in steps of what two copies may differ by.
+    // Keyed by the middle one of these numbers, in steps of the largest difference between copies.
     let mut prints: BTreeMap<i64, Vec<Vec<f64>>> = BTreeMap::new();
     let before = raw.len();
     raw.retain(|r| {
@@ -60,14 +60,14 @@ pub(super) fn copies(system: &System, raw: &mut Vec<Raw>, notes: &mut Vec<String
     }
 }
 
-/// Cuts trajectories where rows or torques are missing; what is left needs two rows.
+/// Cuts trajectories where rows or torques are missing; a piece needs two rows.
 pub(super) fn cut(raw: Vec<Raw>, notes: &mut Vec<String>) -> Vec<Raw> {
     let (mut all, mut gaps, mut idle, mut first) = (Vec::new(), 0, 0, None);
     for Raw { id, moments } in raw {
         let limit = GAP * step(&moments);
         let mut part: Vec<Moment> = Vec::new();
         for moment in moments {
-            // Nobody knows what acted from the last row on.
+            // Torques after the last row are unknown.
             let unknown = part.last().is_some_and(|last| last.torques.iter().any(|t| t.is_nan()));
             let late = part.last().is_some_and(|last| moment.time - last.time > limit);
             if late || unknown {
@@ -94,7 +94,7 @@ pub(super) fn cut(raw: Vec<Raw>, notes: &mut Vec<String>) -> Vec<Raw> {
     all
 }
 
-/// Velocities that were not measured, as central differences.
+/// Missing velocities, by central differences.
 fn differentiate(system: &System, moments: &mut [Moment]) -> bool {
     let robot = &system.robot;
     let missing: Vec<usize> = (0..robot.nv()).filter(|&k| moments.iter().any(|m| m.qd[k].is_nan())).collect();
@@ -110,14 +110,14 @@ fn differentiate(system: &System, moments: &mut [Moment]) -> bool {
     true
 }
 
-/// From one position of every joint to another; endless joints take the short way.
+/// Difference of joint positions; endless joints take the shorter way.
 pub(crate) fn turned(robot: &Robot, a: &[f64], b: &[f64]) -> Vec<f64> {
     let first = robot.root_coords();
     let each = robot.joints().zip(a[first..].iter().zip(&b[first..]));
     each.map(|(joint, (a, b))| if joint.wraps() { wrap(b - a) } else { b - a }).collect()
 }
 
-/// Velocities that lead from one pose to another: angular and linear of the root in world axes, then joints.
+/// Velocities from one pose to another: angular and linear of the root in world axes, then joints.
 pub(super) fn rate(robot: &Robot, a: &[f64], b: &[f64], seconds: f64) -> Vec<f64> {
     let mut out = vec![0.0; robot.nv()];
     difference(robot, a, b, &mut out);
@@ -125,7 +125,7 @@ pub(super) fn rate(robot: &Robot, a: &[f64], b: &[f64], seconds: f64) -> Vec<f64
     out
 }
 
-/// Mean of the torques that rows hold until the next, over some time; what is not known counts nothing.
+/// Mean torque over an interval, with each row's torque held until the next row; unknown torques count as 0.
 fn held(moments: &[Moment], [from, to]: [f64; 2]) -> Vec<f64> {
     let (mut sum, mut total) = (vec![0.0; moments[0].torques.len()], 0.0);
     for pair in moments.windows(2).take_while(|pair| pair[0].time < to) {
@@ -138,7 +138,7 @@ fn held(moments: &[Moment], [from, to]: [f64; 2]) -> Vec<f64> {
     sum.into_iter().map(|sum| if total > 0.0 { sum / total } else { 0.0 }).collect()
 }
 
-/// At `time` between two moments: positions and velocities linearly, turns on the shortest arc, torques held.
+/// Interpolates between two moments at `time`: positions and velocities linearly, rotations on the shortest arc, torques held.
 fn between(robot: &Robot, a: &Moment, b: &Moment, time: f64) -> Moment {
     let s = (time - a.time) / (b.time - a.time);
     let mix = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a + s * (b - a)).collect::<Vec<_>>();
@@ -182,7 +182,7 @@ pub(super) fn states(system: &System, raw: Vec<Raw>, notes: &mut Vec<String>) ->
             wrap_state(robot, &mut state);
             state
         });
-        // What would act after the last row moves nothing here.
+        // Torques after the last row have no effect here.
         let torques = moments.iter().map(|m| m.torques.iter().map(|t| if t.is_nan() { 0.0 } else { *t }).collect());
         Trajectory { id, states: states.collect(), torques: torques.collect() }
     });

@@ -16,13 +16,13 @@ const LENGTH: f64 = 0.1;
 pub struct RapierConfig {
     /// Solver iterations of an outer step, which are rapier's substeps, at least 1. Default 4.
     pub iterations: usize,
-    /// Outer steps of a frame, each with its own collision detection and limit check, at least 1. Default 4: with 1, a
-    /// link falls through what a frame's travel takes it past (0.1 m penetration on the double pendulum, against 0.01).
+    /// Outer steps of a frame, each with its own collision detection and limit check, at least 1. Default 4: with 1, a link passes through
+    /// a surface that it crosses within a frame (0.1 m penetration on the double pendulum, against 0.01).
     pub steps: usize,
-    /// Restitution of every contact, from 0 to 1. Default 0; it takes the place of the compliant law's damping.
+    /// Restitution of every contact, from 0 to 1. Default 0; it replaces the compliant law's damping.
     pub restitution: f64,
-    /// Whether a floating robot's frame is stepped along the axes that its root has as the frame begins. Default no. rapier pushes along two
-    /// axes of its world for friction, so a turned robot slides elsewhere: on the Ant by more than half of the steps would change.
+    /// Whether a floating robot's frame is stepped in the axes of its root at the frame's start. Default no. rapier's friction acts along
+    /// two axes of its world, so a rotated robot slides differently: on the Ant by more than half of the steps would change.
     pub own_axes: bool,
 }
 
@@ -53,9 +53,9 @@ impl RapierConfig {
             contact_softness: softness,
             static_contact_softness: softness,
             length_unit: LENGTH,
-            // Of a robot that is one free body; the simplified one is up to 10 % off on small feet. Multibodies always have this one.
+            // For a robot that is one free body; the simplified model is up to 10 % off on small feet. Multibodies always use this one.
             friction_model: rapier::FrictionModel::Coulomb,
-            // Motion clamping drops time, a speed limit drops energy, a recycled contact is a stale one.
+            // Motion clamping loses time, a speed limit loses energy, a recycled contact is stale.
             max_ccd_substeps: 0,
             normalized_max_linear_velocity: f64::MAX,
             contact_recycling: false,

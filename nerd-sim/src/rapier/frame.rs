@@ -3,11 +3,12 @@
 use nalgebra::{Quaternion, Vector3};
 use rapier3d_f64::prelude::*;
 
+use super::pairs::{Pairs, TURNS, turns};
 use super::template::{Template, axis, insert_scene};
 use crate::scene::{from_parry, pose_from_parry, pose_to_parry, to_parry};
 use crate::{internal::*, solver::parallel::Frame};
 
-/// A robot's template and a world that is made new every frame.
+/// A robot's template and a world that is rebuilt every frame.
 pub(super) struct Workspace {
     template: Arc<Template>,
     world: PhysicsWorld,
@@ -49,7 +50,7 @@ impl Frame for Workspace {
         self.place(robot, q, qd)?;
         for _ in 0..config.steps {
             self.drive(robot, tau)?;
-            self.world.step();
+            self.world.step_with_events(&Pairs { system, scene }, &());
             if !self.world.quarantine().is_empty() {
                 return Err("rapier met a number that is not finite".into());
             }
@@ -64,10 +65,13 @@ impl Frame for Workspace {
 }
 
 impl Workspace {
-    /// rapier divides by zero, and drops accelerations that overflow, without a word; so both are looked for first.
+    /// rapier divides by zero, and drops accelerations that overflow, silently; both are checked first.
     fn check(&mut self, robot: &Robot, scene: &Scene, q: &[f64], qd: &[f64]) -> Result<(), String> {
-        if scene.terrain().is_some() {
+        if scene.uneven() {
             return Err(format!("scene `{}`: rapier does not know terrain; take `articulated`", scene.name));
+        }
+        if scene.colliders.iter().any(|body| turns(&body.material)) {
+            return Err(format!("scene `{}`: {TURNS}", scene.name));
         }
         kinematics(robot, q, &mut self.data);
         crba(robot, &mut self.data);
@@ -82,7 +86,7 @@ impl Workspace {
         }
     }
 
-    /// A world that has never been stepped, turned.
+    /// Resets the world to one that has never been stepped, rotated by `turn`.
     fn renew(&mut self, scene: &Scene, turn: &UnitQuaternion<f64>, config: &RapierConfig, frame_time: f64) {
         let Template { bodies, colliders, joints, .. } = &*self.template;
         self.world = PhysicsWorld {
@@ -136,8 +140,8 @@ impl Workspace {
         Ok(())
     }
 
-    /// Joint torques for one outer step, as pairs of opposite torques (or forces along a slide) on the two bodies; limits
-    /// that are violated now, as rapier's implicit spring and damper, which is [`nerd_core::robot::Limit`]'s law.
+    /// Joint torques for one outer step, as pairs of opposite torques (or forces along a slide) on the two bodies. Limits that are violated
+    /// now act as rapier's implicit spring and damper, which is the law of [`nerd_core::robot::Limit`].
     fn drive(&mut self, robot: &Robot, tau: &[f64]) -> Result<(), String> {
         let first = usize::from(robot.floating());
         for handle in &self.template.links {
@@ -175,7 +179,8 @@ impl Workspace {
             let end = joint.limit.map_or(q, |l| q.clamp(l.lower, l.upper));
             let limit = joint.limit.filter(|_| end != q);
             let (stiffness, damping) = limit.map_or((0.0, 0.0), |l| (l.stiffness, l.damping));
-            // Rapier knows one spring a joint: where a limit acts beside the joint's own, it rests between.
+            // rapier has one spring a joint: where a limit acts together with the joint's own spring, the combined rest position lies
+            // between.
             let all = stiffness + joint.stiffness;
             let rest = if joint.stiffness == 0.0 { end } else { (stiffness * end + joint.stiffness * joint.rest) / all };
             link.joint.set_spring(axis(joint), all, rest);
@@ -184,7 +189,7 @@ impl Workspace {
         Ok(())
     }
 
-    /// Takes (q, qd) back, velocities local.
+    /// Reads (q, qd) back, velocities local.
     fn read(&mut self, robot: &Robot, q: &mut [f64], qd: &mut [f64]) -> Result<(), String> {
         let (dofs, coords) = (robot.root_dofs(), robot.root_coords());
         let com = self.template.root_com;
@@ -219,7 +224,7 @@ impl Workspace {
     }
 }
 
-/// Turns a floating root about the world's origin; velocities local.
+/// Rotates a floating root about the world's origin; velocities local.
 fn turned(turn: &UnitQuaternion<f64>, q: &mut [f64], qd: &mut [f64]) {
     let orientation = turn * quaternion(&q[3..7]);
     write_quaternion(&mut q[3..7], &orientation);

@@ -2,12 +2,13 @@
 //! function of state, torques and scene alone: every frame starts from a fresh world, so no warm start, contact cache or
 //! sleep state is carried over.
 //!
-//! What is the same as in [`crate::articulated`]: inertias, armature, joint damping, the spring law of limits, the places
-//! at which contact is looked for, the mean friction coefficient of a pair. What is not: contacts are rapier's stiff
-//! unilateral constraints (no [`crate::scene::Material`] stiffness or damping), and the integrator is of first order.
+//! The same as in [`crate::articulated`]: inertias, armature, joint damping, the spring law of limits, the candidate contact points, the
+//! friction coefficient of a pair, which geoms meet. Different: contacts are rapier's stiff unilateral constraints (no
+//! [`crate::scene::Material`] stiffness or damping), and the integrator is of first order.
 
 mod config;
 mod frame;
+mod pairs;
 mod template;
 
 use frame::Workspace;
@@ -16,7 +17,7 @@ pub use config::RapierConfig;
 
 use crate::{internal::*, solver::parallel::Parallel};
 
-/// rapier as a [`Solver`]. Remembers nothing of an environment between frames.
+/// rapier as a [`Solver`], without memory between frames.
 pub struct Rapier {
     config: RapierConfig,
     parallel: Parallel<Workspace>,

@@ -5,6 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
 
+use super::pairs::{TURNS, of_file, turns};
 use crate::internal::*;
 use crate::scene::{self, pose_to_parry, to_parry};
 
@@ -18,11 +19,11 @@ pub(super) struct Template {
     pub(super) colliders: ColliderSet,
     pub(super) joints: MultibodyJointSet,
     pub(super) links: Vec<RigidBodyHandle>,
-    /// The multibody; none for a single free body. Its link 0 is the base or the floating root, its DoFs are in the
-    /// order of `qd`, but a root's linear ones come first.
+    /// The multibody; `None` for a single free body. Its link 0 is the base or the floating root, its DoFs are in the order of `qd`, except
+    /// that a root's linear ones come first.
     pub(super) multibody: Option<MultibodyIndex>,
-    /// Centre of mass of a floating root in its link frame: its body stands there, since rapier integrates the origin of
-    /// a free root with the velocity of its centre of mass.
+    /// Centre of mass of a floating root in its link frame. Its body's origin lies there, since rapier integrates the origin of a free root
+    /// with the velocity of its centre of mass.
     pub(super) root_com: Vector3<f64>,
 }
 
@@ -35,8 +36,16 @@ impl Template {
         if let Some(joint) = robot.joints().find(|j| j.friction > 0.0) {
             return Err(format!("joint `{}` has dry friction, which rapier's multibodies have not", joint.name));
         }
+        if robot.free.damping != 0.0 || robot.links.iter().any(|link| link.lifted.mass != 0.0) {
+            return Err(
+                "its file takes weight off links, or damps its free root, which rapier's multibodies cannot; step with articulated".into(),
+            );
+        }
         if !system.folds.is_empty() {
             return Err("self_collision is on, and here a robot touches the scene alone; leave it out, or step with articulated".into());
+        }
+        if system.surfaces.turns() || turns(&system.spec.material) {
+            return Err(TURNS.into());
         }
         let (mut bodies, mut colliders, mut joints) = (RigidBodySet::new(), ColliderSet::new(), MultibodyJointSet::new());
         let root_com = if robot.floating() { robot.links[0].inertia.com } else { Vector3::zeros() };
@@ -49,8 +58,9 @@ impl Template {
             let shift = shift(robot, i, &root_com);
             let body = RigidBodyBuilder::dynamic().can_sleep(false).additional_mass_properties(mass_properties(&link.inertia, &shift));
             let handle = bodies.insert(body);
-            for builder in touching(robot, i, &shift) {
-                colliders.insert_with_parent(surface(builder.density(0.0), system.spec.material.friction, ROBOT), handle, &mut bodies);
+            for (builder, geom) in touching(robot, i, &shift) {
+                let builder = surface(builder.density(0.0), &system.spec.material, ROBOT);
+                colliders.insert_with_parent(of_file(system, builder, geom), handle, &mut bodies);
             }
             if let Some(joint) = &link.joint {
                 let parent = link.parent.map(|p| links[p]).or(base).ok_or_else(|| format!("link `{}` hangs on nothing", link.name))?;
@@ -68,7 +78,7 @@ impl Template {
         }
         let multibody = links.last().and_then(|last| joints.rigid_body_link(*last)).map(|l| l.multibody);
         if let Some(multibody) = multibody.and_then(|index| joints.get_multibody_mut(index)) {
-            // A fixed root counts six DoFs until its kind is read from its body here.
+            // A fixed root has six DoFs until this call reads its kind from its body.
             multibody.forward_kinematics(&bodies, true);
             if multibody.ndofs() != robot.nv() {
                 return Err(format!("rapier gives the robot {} degrees of freedom, it has {}", multibody.ndofs(), robot.nv()));
@@ -84,32 +94,33 @@ impl Template {
     }
 }
 
-/// What a link touches the scene with.
-fn touching(robot: &Robot, link: usize, shift: &Vector3<f64>) -> Vec<ColliderBuilder> {
+/// Colliders with which a link touches the scene, and the surface of each.
+fn touching(robot: &Robot, link: usize, shift: &Vector3<f64>) -> Vec<(ColliderBuilder, Option<usize>)> {
     let (shapes, points) = robot.touching(link);
     let shapes = shapes.into_iter().filter_map(|shape| {
         let pose = Isometry3::translation(-shift.x, -shift.y, -shift.z) * shape.pose;
         let (builder, pose) = match shape.kind {
             ShapeKind::Box { half } => (ColliderBuilder::cuboid(half.x, half.y, half.z), pose),
-            // Theirs is along y.
+            // rapier's cylinders lie along y.
             ShapeKind::Cylinder { radius, half_length } => {
                 let turn = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), FRAC_PI_2);
                 (ColliderBuilder::cylinder(half_length, radius), pose * turn)
             }
             _ => return None,
         };
-        Some(builder.position(pose_to_parry(&pose)))
+        Some((builder.position(pose_to_parry(&pose)), shape.surface))
     });
-    let balls = points.iter().flat_map(|p| p.places().into_iter().map(|at| (at, p.radius)));
-    shapes.chain(balls.map(|(at, radius)| ColliderBuilder::ball(radius).translation(to_parry(&(at - shift))))).collect()
+    let balls = points.iter().flat_map(|p| p.places().into_iter().map(move |at| (at, p.radius, p.surface)));
+    let ball = |(at, radius, surface)| (ColliderBuilder::ball(radius).translation(to_parry(&(at - shift))), surface);
+    shapes.chain(balls.map(ball)).collect()
 }
 
-/// Puts a scene's colliders into a world that is turned about its origin. A pair's restitution is the larger one, that of the scene.
+/// Adds a scene's colliders to a world that is rotated about its origin. A pair's restitution is the larger one, the scene's.
 pub(super) fn insert_scene(scene: &Scene, turn: &UnitQuaternion<f64>, restitution: f64, colliders: &mut ColliderSet) {
-    for body in &scene.colliders {
+    for (k, body) in scene.colliders.iter().enumerate() {
         let scene::Collider { shape, pose, material, .. } = body;
         let builder = ColliderBuilder::new(shape.clone()).position(pose_to_parry(&(turn * pose)));
-        let builder = surface(builder, material.friction, SCENE).restitution(restitution);
+        let builder = surface(builder, material, SCENE).restitution(restitution).user_data(k as u128);
         colliders.insert(builder.restitution_combine_rule(CoefficientCombineRule::Max));
     }
 }
@@ -119,10 +130,11 @@ pub(super) fn axis(joint: &Joint) -> usize {
     if joint.kind == JointKind::Prismatic { 0 } else { 3 }
 }
 
-/// Friction by the mean of the pair, no restitution of its own.
-fn surface(builder: ColliderBuilder, friction: f64, groups: InteractionGroups) -> ColliderBuilder {
+/// Friction by the mean of the pair, no restitution of its own, and half of the pair's margin.
+fn surface(builder: ColliderBuilder, material: &Material, groups: InteractionGroups) -> ColliderBuilder {
     builder
-        .friction(friction)
+        .contact_skin((0.5 * material.margin).max(0.0))
+        .friction(material.friction)
         .friction_combine_rule(CoefficientCombineRule::Average)
         .restitution(0.0)
         .restitution_combine_rule(CoefficientCombineRule::Average)

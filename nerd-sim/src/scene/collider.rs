@@ -1,10 +1,10 @@
 //! Static bodies as parry shapes, the same for every solver, the learned one included. A plane is solved in closed form, never as a mesh.
 
-use nalgebra::Quaternion;
-use parry3d_f64::math::{Pose, Rotation, Vector as ParryVector};
+use parry3d_f64::math::Vector as ParryVector;
 use parry3d_f64::shape::SharedShape;
 
-use super::Field;
+use super::parry::{from_parry, pose_to_parry, to_parry};
+use super::{Field, Hull};
 use crate::internal::*;
 
 /// Queries at most that find the deepest place of a disc or hull against what is not flat.
@@ -35,6 +35,12 @@ pub struct Collider {
     /// Centre and radius (m) of a ball around the shape, in its own axes, which [`Collider::new`] finds: a place far outside is not asked
     /// how far. Another shape needs another one.
     pub ball: (Vector3<f64>, f64),
+    /// Set if it is a convex hull of corners.
+    pub hull: Option<Hull>,
+    /// Number of its geom in the robot's file, if it is one of that.
+    pub surface: Option<usize>,
+    /// Whether a scene says its material.
+    pub stated: bool,
 }
 
 impl Collider {
@@ -42,13 +48,33 @@ impl Collider {
     pub fn plane(plane: Plane, material: Material) -> Self {
         let pose = Isometry3::translation(plane.normal.x * plane.offset, plane.normal.y * plane.offset, plane.normal.z * plane.offset);
         let ball = (Vector3::zeros(), f64::INFINITY);
-        Self { shape: SharedShape::halfspace(to_parry(&plane.normal)), pose, material, plane: Some(plane), field: None, ball }
+        Self {
+            shape: SharedShape::halfspace(to_parry(&plane.normal)),
+            pose,
+            material,
+            plane: Some(plane),
+            field: None,
+            hull: None,
+            ball,
+            surface: None,
+            stated: false,
+        }
     }
 
     /// Ground that is not flat, its heights along the z axis of its pose.
     pub fn terrain(field: Field, pose: Isometry3<f64>, material: Material) -> Self {
         let ball = (Vector3::zeros(), f64::INFINITY);
-        Self { shape: SharedShape::halfspace(ParryVector::Z), pose, material, plane: None, field: Some(field), ball }
+        Self {
+            shape: SharedShape::halfspace(ParryVector::Z),
+            pose,
+            material,
+            plane: None,
+            field: Some(field),
+            hull: None,
+            ball,
+            surface: None,
+            stated: false,
+        }
     }
 
     /// The direction of its heights.
@@ -62,18 +88,19 @@ impl Collider {
     }
 
     /// A shape of a body at `at`.
-    pub(crate) fn shaped(Shape { pose, kind }: &Shape, at: &Isometry3<f64>, material: Material) -> Self {
+    pub(crate) fn shaped(Shape { pose, kind, surface }: &Shape, at: &Isometry3<f64>, material: Material) -> Self {
         let shape = match *kind {
             ShapeKind::Sphere { radius } => SharedShape::ball(radius),
             ShapeKind::Box { half } => SharedShape::cuboid(half.x, half.y, half.z),
             // Parry's cylinders lie along y.
             ShapeKind::Cylinder { radius, half_length } => {
                 let along = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::FRAC_PI_2);
-                return Self::new(SharedShape::cylinder(half_length, radius), at * pose * along, material);
+                let own = Self::new(SharedShape::cylinder(half_length, radius), at * pose * along, material);
+                return Self { surface: *surface, ..own };
             }
             ShapeKind::Capsule { radius, half_length } => SharedShape::capsule_z(half_length, radius),
         };
-        Self::new(shape, at * pose, material)
+        Self { surface: *surface, ..Self::new(shape, at * pose, material) }
     }
 
     /// Any other parry shape.
@@ -83,7 +110,17 @@ impl Collider {
             Plane { normal, offset: normal.dot(&pose.translation.vector) }
         });
         let ball = shape.compute_local_bounding_sphere();
-        Self { ball: (from_parry(&ball.center), ball.radius * (1.0 + 1e-9)), shape, pose, material, plane, field: None }
+        Self {
+            ball: (from_parry(&ball.center), ball.radius * (1.0 + 1e-9)),
+            hull: Hull::of(&shape),
+            shape,
+            pose,
+            material,
+            plane,
+            field: None,
+            surface: None,
+            stated: false,
+        }
     }
 
     /// Says what is not finite or out of its range, if anything is. Solvers ask in every frame.
@@ -117,8 +154,11 @@ impl Collider {
         let (centre, radius) = self.ball;
         match (&self.plane, &self.field) {
             (Some(plane), _) => plane.normal.dot(p0) - plane.offset >= reach,
-            (_, Some(field)) => field.beyond(self.inside(p0).z, reach),
-            _ => (p0 - (self.pose.rotation * centre + self.pose.translation.vector)).norm() - radius >= reach,
+            (_, Some(field)) => field.beyond(&self.inside(p0), reach),
+            _ => {
+                let far = (p0 - (self.pose.rotation * centre + self.pose.translation.vector)).norm() - radius >= reach;
+                far || self.hull.as_ref().is_some_and(|hull| hull.beyond(&self.inside(p0), reach))
+            }
         }
     }
 
@@ -134,28 +174,57 @@ impl Collider {
             let normal = self.pose.rotation * normal;
             return ContactEvent { p0: *p0, p1: p0 - normal * distance, normal, distance, collider: 0 };
         }
-        let found = self.shape.project_point(&pose_to_parry(&self.pose), to_parry(p0), false);
-        let p1 = from_parry(&found.point);
-        let (gap, sign) = (p0 - p1, if found.is_inside { -1.0 } else { 1.0 });
+        let (p1, within) = match &self.hull {
+            Some(hull) => {
+                let (place, within) = hull.nearest(&self.inside(p0));
+                (self.pose.rotation * place + self.pose.translation.vector, within)
+            }
+            None => {
+                let found = self.shape.project_point(&pose_to_parry(&self.pose), to_parry(p0), false);
+                (from_parry(&found.point), found.is_inside)
+            }
+        };
+        let (gap, sign) = (p0 - p1, if within { -1.0 } else { 1.0 });
         let length = gap.norm();
         let normal = if length > 1e-12 { gap * (sign / length) } else { Vector3::zeros() };
         ContactEvent { p0: *p0, p1, normal, distance: sign * length, collider: 0 }
     }
 
-    /// The same for a contact point wherever it lies on its link, whose kinematics are in `data`; `middle` is its middle in the world.
+    /// The same for a contact point wherever it lies on its link, whose kinematics are in `data`; `middle` is its middle in the world. Of what is
+    /// farther than `reach` (m) the distance may be less than it is, and no less than that.
     #[inline(always)]
-    pub(crate) fn meets(&self, point: &ContactPoint, data: &Data, middle: &Vector3<f64>) -> ContactEvent {
-        if point.locus.is_fixed() { self.query(middle) } else { self.search(point, data, middle) }
+    pub(crate) fn meets(&self, point: &ContactPoint, data: &Data, middle: &Vector3<f64>, reach: f64) -> ContactEvent {
+        if point.locus.is_fixed() { self.query(middle) } else { self.search(point, data, middle, reach) }
     }
 
     #[inline(never)]
-    pub(crate) fn search(&self, point: &ContactPoint, data: &Data, middle: &Vector3<f64>) -> ContactEvent {
+    pub(crate) fn search(&self, point: &ContactPoint, data: &Data, middle: &Vector3<f64>, reach: f64) -> ContactEvent {
         let rotation = &data.rotation[point.link];
         let at = |local: &Vector3<f64>| point_position(data, point.link, local);
         if let Some(plane) = &self.plane {
             return self.query(&at(&point.facing(rotation, &plane.normal)));
         }
-        let (mut normal, mut nearest) = (self.query(middle).normal, f64::INFINITY);
+        let first = self.query(middle);
+        if self.hull.is_some() {
+            // Of planes that touch the hull the one that the link is farthest over, or least under.
+            let (mut best, mut event) = (ContactEvent { distance: f64::NEG_INFINITY, ..first }, first);
+            for _ in 0..SEARCHES {
+                let place = at(&point.facing(rotation, &event.normal));
+                let distance = event.normal.dot(&(place - event.p1));
+                if distance.is_nan() || distance > best.distance {
+                    best = ContactEvent { p0: place, distance, ..event };
+                }
+                if distance >= reach {
+                    break;
+                }
+                event = self.query(&place);
+                if event.normal == Vector3::zeros() {
+                    break;
+                }
+            }
+            return best;
+        }
+        let (mut normal, mut nearest) = (first.normal, f64::INFINITY);
         // Where the surface is not flat, its normal at the deepest place decides which place that is.
         for _ in 0..SEARCHES {
             let event = self.query(&at(&point.deepest(rotation, &normal)));
@@ -166,23 +235,4 @@ impl Collider {
         }
         self.query(&at(&point.facing(rotation, &normal)))
     }
-}
-
-pub(crate) fn to_parry(v: &Vector3<f64>) -> ParryVector {
-    ParryVector::new(v.x, v.y, v.z)
-}
-
-pub(crate) fn from_parry(v: &ParryVector) -> Vector3<f64> {
-    Vector3::new(v.x, v.y, v.z)
-}
-
-pub(crate) fn pose_to_parry(pose: &Isometry3<f64>) -> Pose {
-    let q: &Quaternion<f64> = pose.rotation.quaternion();
-    Pose::from_parts(to_parry(&pose.translation.vector), Rotation::from_xyzw(q.i, q.j, q.k, q.w))
-}
-
-#[cfg(feature = "rapier")]
-pub(crate) fn pose_from_parry(pose: &Pose) -> Isometry3<f64> {
-    let (t, r) = (from_parry(&pose.translation), pose.rotation);
-    Isometry3::from_parts(t.into(), nalgebra::UnitQuaternion::new_normalize(Quaternion::new(r.w, r.x, r.y, r.z)))
 }

@@ -1,5 +1,5 @@
-//! Ground that is not flat: a grid of heights that repeats along x and y, bilinear between its nodes. Distance and normal of a place are those of
-//! the surface straight below it, so a ball's are off by what the surface bends under it.
+//! Ground that is not flat: a grid of heights, bilinear between its nodes, that repeats along x and y, or ends and is a block with that top.
+//! Distance and normal of a place are those of the surface straight below it, so a ball's are off by what the surface bends under it.
 
 use std::f64::consts::TAU;
 use std::sync::Mutex;
@@ -68,10 +68,10 @@ impl TerrainSpec {
     }
 }
 
-/// A grid of heights (m), repeating.
+/// A grid of heights (m).
 #[derive(Clone, Debug)]
 pub struct Field {
-    cell: f64,
+    cell: [f64; 2],
     nodes: [usize; 2],
     /// `[x][y]`, before scaling.
     heights: Arc<[f64]>,
@@ -80,25 +80,45 @@ pub struct Field {
     steepest: f64,
     /// Heights are multiplied by it.
     scale: f64,
+    /// How deep (m) below height 0 it ends, if it does not repeat.
+    base: Option<f64>,
 }
 
 impl Field {
-    /// Of heights (m) `[x][y]` at nodes `cell` (m) apart.
+    /// Of heights (m) `[x][y]` at nodes `cell` (m) apart, the first of them at the origin; it repeats.
     ///
     /// # Errors
     /// If there are not so many heights, or one is not finite.
     pub fn new(cell: f64, nodes: [usize; 2], heights: Vec<f64>) -> Result<Self, String> {
-        within("`cell`", cell, 1e-6..=1e6, "m")?;
+        Self::of([cell; 2], nodes, heights, None)
+    }
+
+    /// A block about the origin with heights (m) `[x][y]` at nodes `cell` (m) apart along x and along y, which goes down to `base` (m) below height 0.
+    ///
+    /// # Errors
+    /// As [`Field::new`]; if there are not two nodes along each.
+    pub fn block(cell: [f64; 2], nodes: [usize; 2], heights: Vec<f64>, base: f64) -> Result<Self, String> {
+        within("`base`", base, 1e-9..=1e6, "m")?;
+        if nodes.contains(&1) {
+            return Err(format!("{} x {} nodes: at least two along each are needed", nodes[0], nodes[1]));
+        }
+        Self::of(cell, nodes, heights, Some(base))
+    }
+
+    fn of(cell: [f64; 2], nodes: [usize; 2], heights: Vec<f64>, base: Option<f64>) -> Result<Self, String> {
+        cell.into_iter().try_for_each(|cell| within("`cell`", cell, 1e-6..=1e6, "m"))?;
         let [n, m] = nodes;
         if n == 0 || n.checked_mul(m) != Some(heights.len()) || !heights.iter().all(|h| h.abs() <= 1e6) {
             return Err(format!("{} heights of {n} x {m} nodes: as many finite ones are needed, of at most 1e6 m", heights.len()));
         }
-        let rise = |(di, dj): (usize, usize)| {
-            let other = |k: usize| heights[(k / m + di) % n * m + (k % m + dj) % m];
-            heights.iter().enumerate().map(|(k, h)| ((other(k) - h) / cell).powi(2)).fold(0.0, f64::max)
+        let rise = |axis: usize| {
+            let (di, dj) = if axis == 0 { (1, 0) } else { (0, 1) };
+            let next = |k: usize| (k / m + di, k % m + dj);
+            let inner = (0..n * m).map(|k| (k, next(k))).filter(|(_, (i, j))| base.is_none() || *i < n && *j < m);
+            inner.map(|(k, (i, j))| ((heights[i % n * m + j % m] - heights[k]) / cell[axis]).powi(2)).fold(0.0, f64::max)
         };
-        let (highest, steepest) = (heights.iter().copied().fold(f64::MIN, f64::max), rise((1, 0)) + rise((0, 1)));
-        Ok(Self { cell, nodes, heights: heights.into(), highest, steepest, scale: 1.0 })
+        let (highest, steepest) = (heights.iter().copied().fold(f64::MIN, f64::max), rise(0) + rise(1));
+        Ok(Self { cell, nodes, heights: heights.into(), highest, steepest, scale: 1.0, base })
     }
 
     /// As a TOML has it. The same words give the same memory, as long as they are the last ones.
@@ -135,41 +155,74 @@ impl Field {
     }
 
     /// Its nodes along x and y, and how far they are apart (m).
-    pub fn grid(&self) -> ([usize; 2], f64) {
+    pub fn grid(&self) -> ([usize; 2], [f64; 2]) {
         (self.nodes, self.cell)
     }
 
-    /// After how far it repeats along x and y (m).
-    pub fn period(&self) -> [f64; 2] {
-        self.nodes.map(|n| n as f64 * self.cell)
+    /// Whether it goes on for ever.
+    pub fn repeats(&self) -> bool {
+        self.base.is_none()
     }
 
-    /// Height (m) at (x, y), and how it rises along x and along y.
+    /// Its highest place (m).
+    pub fn highest(&self) -> f64 {
+        self.highest * self.scale
+    }
+
+    /// After how far it repeats along x and y (m), if it does.
+    pub fn period(&self) -> [f64; 2] {
+        [0, 1].map(|k| self.nodes[k] as f64 * self.cell[k])
+    }
+
+    /// Half its length along x and y (m), if it ends.
+    fn half(&self) -> [f64; 2] {
+        [0, 1].map(|k| 0.5 * (self.nodes[k] - 1) as f64 * self.cell[k])
+    }
+
+    /// Height (m) at (x, y), and how it rises along x and along y; beyond an edge, that of the edge.
     pub fn at(&self, x: f64, y: f64) -> (f64, [f64; 2]) {
-        let ([u, v], [n, m]) = ([x, y].map(|x| x / self.cell), self.nodes.map(|n| n as i64));
-        let (i, j) = (u.floor(), v.floor());
-        let (a, b) = (u - i, v - j);
-        // A place that is no number has no height: a and b say so.
-        let node = |di: i64, dj: i64| {
-            let [i, j] = [((i as i64).wrapping_add(di)).rem_euclid(n), ((j as i64).wrapping_add(dj)).rem_euclid(m)];
-            self.heights[(i * m + j) as usize] * self.scale
-        };
-        let [o, p, q, r] = [node(0, 0), node(1, 0), node(0, 1), node(1, 1)];
+        let ([i, p], a) = self.cell_of(0, x);
+        let ([j, q], b) = self.cell_of(1, y);
+        let [o, p, q, r] = [(i, j), (p, j), (i, q), (p, q)].map(|(i, j)| self.heights[i * self.nodes[1] + j] * self.scale);
         let (low, high) = (o + a * (p - o), q + a * (r - q));
         let along = (p - o) + b * ((r - q) - (p - o));
-        (low + b * (high - low), [along / self.cell, (high - low) / self.cell])
+        (low + b * (high - low), [along / self.cell[0], (high - low) / self.cell[1]])
     }
 
-    /// Whether a place this high (m) is at least `reach` (m) from it, as far as its highest place and steepest slope tell.
-    pub(crate) fn beyond(&self, high: f64, reach: f64) -> bool {
-        high - self.highest * self.scale >= reach * (1.0 + self.steepest * self.scale * self.scale).sqrt()
+    /// The nodes along an axis before and behind a place, and where between them it is. Of a place that is no number that is none, too.
+    fn cell_of(&self, axis: usize, x: f64) -> ([usize; 2], f64) {
+        let (u, n) = (x / self.cell[axis], self.nodes[axis]);
+        if self.base.is_some() {
+            let last = (n - 1) as f64;
+            let u = (u + 0.5 * last).clamp(0.0, last);
+            let i = u.floor().min(last - 1.0);
+            return ([i as usize, i as usize + 1], u - i);
+        }
+        let i = (u.floor() as i64).rem_euclid(n as i64) as usize;
+        ([i, (i + 1) % n], u - u.floor())
     }
 
-    /// Its distance from a place in its own axes (m), and its normal there.
+    /// Whether a place in its own axes is at least `reach` (m) from it, as far as its edges, highest place and steepest slope tell.
+    pub(crate) fn beyond(&self, place: &Vector3<f64>, reach: f64) -> bool {
+        let aside = || self.base.is_some() && self.half().iter().zip(place.iter()).any(|(half, x)| x.abs() - half >= reach);
+        place.z - self.highest() >= reach * (1.0 + self.steepest * self.scale * self.scale).sqrt() || aside()
+    }
+
+    /// Its distance from a place in its own axes (m), and its normal there. Of a block that of the top, the sides and the foot counts that the place is
+    /// farthest outside of, or least inside.
     pub(crate) fn over(&self, place: &Vector3<f64>) -> (f64, Vector3<f64>) {
         let (height, [along, aside]) = self.at(place.x, place.y);
         let normal = Vector3::new(-along, -aside, 1.0).normalize();
-        ((place.z - height) * normal.z, normal)
+        let mut found = ((place.z - height) * normal.z, normal);
+        if let Some(base) = self.base {
+            let side = |k: usize| (place[k].abs() - self.half()[k], Vector3::ith(k, place[k].signum()));
+            for other in [side(0), side(1), (-base - place.z, -Vector3::z())] {
+                if other.0 > found.0 {
+                    found = other;
+                }
+            }
+        }
+        found
     }
 
     /// What its heights are multiplied by.
@@ -177,9 +230,10 @@ impl Field {
         self.scale
     }
 
-    /// Cell, nodes, highest place, bound of the squared slope, heights: all before scaling.
+    /// Cells, nodes, highest place, bound of the squared slope, depth of its foot if it ends, heights: all before scaling.
     pub(crate) fn numbers(&self) -> Vec<f64> {
-        let head = [self.cell, self.nodes[0] as f64, self.nodes[1] as f64, self.highest, self.steepest];
+        let ([cell, wide], [n, m]) = (self.cell, self.nodes.map(|n| n as f64));
+        let head = [cell, wide, n, m, self.highest, self.steepest, self.base.unwrap_or(0.0)];
         head.into_iter().chain(self.heights.iter().copied()).collect()
     }
 

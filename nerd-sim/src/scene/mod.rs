@@ -2,19 +2,26 @@
 
 mod collider;
 mod field;
+mod hull;
+mod parry;
 mod spec;
+mod surfaces;
 mod terrain;
 mod worlds;
 
 use crate::internal::*;
 
 pub use collider::{Collider, Plane};
-#[cfg(feature = "rapier")]
-pub(crate) use collider::{from_parry, pose_from_parry, pose_to_parry, to_parry};
 pub use field::{Field, TerrainKind, TerrainSpec};
+pub use hull::Hull;
+#[cfg(feature = "rapier")]
+pub(crate) use parry::pose_from_parry;
+pub(crate) use parry::{from_parry, pose_to_parry, to_parry};
+pub(crate) use spec::is_zero;
 pub use spec::{BoxSpec, Material, PegSpec, PlaneSpec, SceneSpec};
+pub use surfaces::{Meeting, PairLaw, Softness, SurfaceGeom, Surfaces};
 pub use worlds::{WORLDS, hill, world};
-pub(crate) use worlds::{described, peg};
+pub(crate) use worlds::{described, flat, peg};
 
 /// Default gravity (m/s^2).
 pub const GRAVITY: f64 = 9.81;
@@ -42,22 +49,33 @@ impl Scene {
     /// The nearest collider's event for the world point `p0`.
     #[inline]
     pub fn contact(&self, p0: &Vector3<f64>) -> ContactEvent {
-        self.nearest(p0, 0.0, |body| body.query(p0))
+        self.nearest(p0, 0.0, |_| true, |body| body.query(p0))
     }
 
     /// The nearest collider's event for a contact point of a robot whose kinematics are in `data`.
     #[inline]
-    pub fn meets(&self, point: &ContactPoint, data: &Data) -> ContactEvent {
+    pub fn meets(&self, point: &ContactPoint, data: &Data, surfaces: &Surfaces) -> ContactEvent {
         let middle = point_position(data, point.link, &point.local);
-        self.nearest(&middle, point.reach(), |body| body.meets(point, data, &middle))
+        self.nearest(
+            &middle,
+            point.reach(),
+            |body| surfaces.meeting(point, body).is_some(),
+            |body| body.meets(point, data, &middle, f64::INFINITY),
+        )
     }
 
     /// `middle` is at most `reach` (m) from where the query is made.
     #[inline(always)]
-    fn nearest(&self, middle: &Vector3<f64>, reach: f64, query: impl Fn(&Collider) -> ContactEvent) -> ContactEvent {
+    fn nearest(
+        &self,
+        middle: &Vector3<f64>,
+        reach: f64,
+        meet: impl Fn(&Collider) -> bool,
+        query: impl Fn(&Collider) -> ContactEvent,
+    ) -> ContactEvent {
         let mut best = ContactEvent::none(*middle);
         for (collider, body) in self.colliders.iter().enumerate() {
-            if body.beyond(middle, best.distance + reach) {
+            if body.beyond(middle, best.distance + reach) || !meet(body) {
                 continue;
             }
             let event = query(body);
@@ -72,14 +90,15 @@ impl Scene {
     ///
     /// Where colliders overlap or lie side by side the surface is that of their union: a place of a surface that a nearer
     /// collider covers is no surface, and its event is left out. But a point inside several colliders is pushed out of each.
-    pub fn contacts(&self, p0: &Vector3<f64>, reach: f64, events: &mut Vec<ContactEvent>) {
-        self.gather(p0, [reach; 2], |body| body.query(p0), events);
+    pub fn contacts_at(&self, p0: &Vector3<f64>, reach: f64, events: &mut Vec<ContactEvent>) {
+        self.gather(p0, [reach; 2], |_| true, |body| body.query(p0), events);
     }
 
     /// The same for a contact point of a robot whose kinematics are in `data`.
-    pub fn meetings(&self, point: &ContactPoint, data: &Data, reach: f64, events: &mut Vec<ContactEvent>) {
+    pub fn meetings(&self, point: &ContactPoint, data: &Data, reach: f64, surfaces: &Surfaces, events: &mut Vec<ContactEvent>) {
         let middle = point_position(data, point.link, &point.local);
-        self.gather(&middle, [reach, reach + point.reach()], |body| body.meets(point, data, &middle), events);
+        let meet = |body: &Collider| surfaces.meeting(point, body).is_some();
+        self.gather(&middle, [reach, reach + point.reach()], meet, |body| body.meets(point, data, &middle, reach), events);
     }
 
     #[inline(always)]
@@ -87,12 +106,13 @@ impl Scene {
         &self,
         middle: &Vector3<f64>,
         [reach, wide]: [f64; 2],
+        meet: impl Fn(&Collider) -> bool,
         query: impl Fn(&Collider) -> ContactEvent,
         events: &mut Vec<ContactEvent>,
     ) {
         let first = events.len();
         for (collider, body) in self.colliders.iter().enumerate() {
-            if body.beyond(middle, wide) {
+            if body.beyond(middle, wide) || !meet(body) {
                 continue;
             }
             let event = query(body);
@@ -151,9 +171,5 @@ pub fn foot(point: &ContactPoint, data: &Data, up: &Vector3<f64>) -> f64 {
     up.dot(&place(point, data, up)) - point.radius
 }
 
-/// Contact events of every contact point of a robot at one state, into `events`. Also leaves the kinematics in `data`.
-pub fn contacts(robot: &Robot, scene: &Scene, state: &[f64], data: &mut Data, events: &mut Vec<ContactEvent>) {
-    kinematics(robot, state, data);
-    events.clear();
-    events.extend(robot.contact_points.iter().map(|point| scene.meets(point, data)));
-}
+/// The scene of a robot's own file.
+pub const GROUND: &str = "ground";

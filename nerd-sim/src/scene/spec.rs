@@ -20,13 +20,31 @@ pub struct Material {
     pub friction_damping: f64,
     /// Friction coefficient mu.
     pub friction: f64,
+    /// Torsional friction (m): largest torque about the normal over the normal force.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub torsion: f64,
+    /// Rolling friction (m): largest torque across the normal over the normal force.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub rolling: f64,
+    /// Distance (m) at which the force begins.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub margin: f64,
+    /// Time (s) in which a point inside comes out: while it parts the damping is the stiffness times this. 0 as in the reference simulator:
+    /// what starts inside of the ground is thrown.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub release: f64,
+}
+
+/// Zero is the default, and is not written.
+pub(crate) fn is_zero(x: &f64) -> bool {
+    *x == 0.0
 }
 
 impl Default for Material {
     /// The reference simulator's plane, 1e5 N/m, 1e3 N s/m, 0.5, but 1e5 N s/m against slip where that has 1e3: a foot that
     /// 30 N push aside, as a standing quadruped's own legs do, creeps by 0.3 mm/s in place of 30.
     fn default() -> Self {
-        Self { stiffness: 1e5, damping: 1e3, friction_damping: 1e5, friction: 0.5 }
+        Self { stiffness: 1e5, damping: 1e3, friction_damping: 1e5, friction: 0.5, torsion: 0.0, rolling: 0.0, margin: 0.0, release: 0.0 }
     }
 }
 
@@ -39,7 +57,17 @@ impl Material {
             damping: mean(self.damping, other.damping),
             friction_damping: mean(self.friction_damping, other.friction_damping),
             friction: mean(self.friction, other.friction),
+            torsion: mean(self.torsion, other.torsion),
+            rolling: mean(self.rolling, other.rolling),
+            margin: mean(self.margin, other.margin),
+            release: mean(self.release, other.release),
         }
+    }
+
+    /// Damping (N s/m) at a velocity along the normal.
+    #[inline]
+    pub(crate) fn damper(&self, vn: f64) -> f64 {
+        if vn < 0.0 { self.damping } else { self.stiffness * self.release }
     }
 
     /// Says which number is out of its range, if one is.
@@ -47,7 +75,11 @@ impl Material {
         within("`stiffness`", self.stiffness, 0.0..=MOST, "N/m")?;
         within("`damping`", self.damping, 0.0..=MOST, "N s/m")?;
         within("`friction_damping`", self.friction_damping, 0.0..=MOST, "N s/m")?;
-        within("`friction`", self.friction, 0.0..=MOST_FRICTION, "")
+        within("`friction`", self.friction, 0.0..=MOST_FRICTION, "")?;
+        within("`torsion`", self.torsion, 0.0..=MOST_FRICTION, "m")?;
+        within("`rolling`", self.rolling, 0.0..=MOST_FRICTION, "m")?;
+        within("`margin`", self.margin, -1.0..=1.0, "m")?;
+        within("`release`", self.release, 0.0..=1.0, "s")
     }
 }
 

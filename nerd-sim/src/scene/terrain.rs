@@ -5,16 +5,22 @@ use crate::{internal::*, scene::foot, scene::place};
 use super::{Collider, Field};
 
 impl Scene {
-    /// The ground, if it is not flat.
+    /// The ground, if it is not flat and goes on for ever.
     pub fn terrain(&self) -> Option<(&Collider, &Field)> {
-        self.colliders.iter().find_map(|body| Some((body, body.field.as_ref()?)))
+        self.colliders.iter().find_map(|body| Some((body, body.field.as_ref().filter(|field| field.repeats())?)))
+    }
+
+    /// Whether anything in it is not flat.
+    pub fn uneven(&self) -> bool {
+        self.colliders.iter().any(|body| body.field.is_some())
     }
 
     /// The same with the heights of its ground multiplied by this.
     #[must_use]
     pub fn scaled(&self, scale: f64) -> Self {
         let mut own = self.clone();
-        own.colliders.iter_mut().filter_map(|body| body.field.as_mut()).for_each(|field| *field = field.scaled(scale));
+        let fields = own.colliders.iter_mut().filter_map(|body| body.field.as_mut());
+        fields.filter(|field| field.repeats()).for_each(|field| *field = field.scaled(scale));
         own
     }
 

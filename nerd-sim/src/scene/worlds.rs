@@ -29,25 +29,25 @@ static HILLS_MESH: LazyLock<Option<SharedShape>> = LazyLock::new(|| hills().map(
 
 /// A scene that a robot's TOML describes; `material` where it names none.
 pub(crate) fn described(spec: &SceneSpec, gravity: &Vector3<f64>, material: Material) -> Result<Scene, String> {
-    let (upright, material) = (upright(gravity), spec.material.unwrap_or(material));
+    let (upright, stated, material) = (upright(gravity), spec.material.is_some(), spec.material.unwrap_or(material));
     let ground = match &spec.terrain {
         Some(terrain) => {
             let pose = Isometry3::from_parts((up(gravity) * spec.plane.height).into(), upright);
             Collider::terrain(Field::drawn(terrain)?, pose, material)
         }
-        None => Collider::plane(turned_plane(gravity, &spec.plane), material),
+        None => Collider::plane(flat(gravity, &spec.plane), material),
     };
     let boxes = spec.boxes.iter().map(|b| {
         let ([x, y, z], turn) = (b.size.map(|edge| 0.5 * edge), UnitQuaternion::from_axis_angle(&Vector3::z_axis(), b.turn));
         Collider::new(SharedShape::cuboid(x, y, z), Isometry3::from_parts(Vector3::from(b.at).into(), upright * turn), material)
     });
     let pegs = spec.pegs.iter().map(|p| peg(p, gravity, material));
-    let colliders = std::iter::once(ground).chain(boxes).chain(pegs).collect();
+    let colliders = std::iter::once(ground).chain(boxes).chain(pegs).map(|collider| Collider { stated, ..collider }).collect();
     Ok(Scene { name: spec.name.clone(), gravity: *gravity, colliders })
 }
 
 /// The horizontal plane turned by extrinsic x-y-z angles.
-fn turned_plane(gravity: &Vector3<f64>, PlaneSpec { height, angles }: &PlaneSpec) -> Plane {
+pub(crate) fn flat(gravity: &Vector3<f64>, PlaneSpec { height, angles }: &PlaneSpec) -> Plane {
     let up = up(gravity);
     let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), angles[2])
         * UnitQuaternion::from_axis_angle(&Vector3::y_axis(), angles[1])
@@ -73,15 +73,15 @@ fn upright(gravity: &Vector3<f64>) -> UnitQuaternion<f64> {
 /// One of [`WORLDS`] under `gravity`, all of one material.
 pub fn world(name: &str, gravity: &Vector3<f64>, material: Material) -> Option<Scene> {
     let turn = upright(gravity);
-    let flat = |height: f64, normal: Vector3<f64>| Collider::plane(Plane { normal: turn * normal, offset: height }, material);
+    let level = |height: f64, normal: Vector3<f64>| Collider::plane(Plane { normal: turn * normal, offset: height }, material);
     let cuboid = |half: [f64; 3], centre: [f64; 3]| {
         let pose = Isometry3::from_parts((turn * Vector3::from(centre)).into(), turn);
         Collider::new(SharedShape::cuboid(half[0], half[1], half[2]), pose, material)
     };
-    let ground = flat(0.0, Vector3::z());
+    let ground = level(0.0, Vector3::z());
     let colliders = match name {
         "plane" => vec![ground],
-        "slope" => vec![flat(0.0, Vector3::new(-SLOPE.sin(), 0.0, SLOPE.cos()))],
+        "slope" => vec![level(0.0, Vector3::new(-SLOPE.sin(), 0.0, SLOPE.cos()))],
         "box" => vec![ground, cuboid(BOX[0], BOX[1])],
         "steps" => {
             let (count, rise, tread, width) = STEPS;
@@ -94,7 +94,7 @@ pub fn world(name: &str, gravity: &Vector3<f64>, material: Material) -> Option<S
         }
         "hills" => {
             let pose = Isometry3::from_parts(Vector3::zeros().into(), turn);
-            vec![flat(-HILLS.2, Vector3::z()), Collider::new(HILLS_MESH.clone()?, pose, material)]
+            vec![level(-HILLS.2, Vector3::z()), Collider::new(HILLS_MESH.clone()?, pose, material)]
         }
         _ => return None,
     };

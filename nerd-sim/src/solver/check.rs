@@ -1,24 +1,24 @@
-//! The beginning and end of a frame in every solver: inputs checked, new states taken over.
+//! The beginning and end of a frame in every solver: checks inputs, takes over new states.
 
 use nerd_core::state::wrap_state;
 
 use super::refusal::Fault;
 use crate::prelude::*;
 
-/// Refuses a batch or torques of other lengths than the system needs, and what takes more than [`Capabilities::default`]; finds
-/// environments whose state or torque is not a number, or whose scene is none.
+/// Refuses a batch or torques of the wrong length, and a batch that needs more than [`Capabilities::default`]. Finds environments whose
+/// state or torque is not finite, or whose scene is invalid.
 pub fn check(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     Capabilities::default().admit(batch)?;
     sound(batch, torques, faults)
 }
 
-/// The same as [`check`] for a solver that takes robots of their own for one another, motors and all.
+/// The same as [`check`] for a solver that supports a robot per environment, motors included.
 pub fn check_kin(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     Capabilities { systems: true, ..Capabilities::default() }.admit(batch)?;
     numbers(batch, torques, faults)
 }
 
-/// The same as [`check`], drives and robots of their own allowed and looked at.
+/// The same as [`check`], with drives and a robot per environment allowed and checked.
 pub(crate) fn sound(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     if batch.systems.iter().chain([&batch.system]).any(|own| !own.motors.ideal()) {
         let text =
@@ -28,7 +28,7 @@ pub(crate) fn sound(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> 
     numbers(batch, torques, faults)
 }
 
-/// The same, but for what the solver can do.
+/// The same without the check of capabilities.
 pub(crate) fn numbers(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     batch.check().map_err(StepError::Solver)?;
     let system = &*batch.system;
@@ -39,7 +39,7 @@ pub(crate) fn numbers(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -
     faults.clear();
     let mut last: Option<(&Arc<Scene>, bool)> = None;
     for (env, scene) in batch.scenes.iter().enumerate() {
-        // Environments mostly share one.
+        // Environments mostly share one scene.
         if last.is_some_and(|(known, sound)| sound && Arc::ptr_eq(known, scene)) {
             continue;
         }
@@ -68,14 +68,14 @@ pub(crate) fn numbers(batch: &Batch, torques: &[f64], faults: &mut Vec<Fault>) -
     Ok(())
 }
 
-/// Ends a frame of a solver that knows no contact forces: takes over the states `next` of every environment without a fault, wraps
-/// angles, counts the frame. A state that is not finite is a fault, too; [`StepError::Environments`] has all of them.
+/// Ends a frame of a solver without contact forces: takes over the states `next` of every environment without a fault, wraps angles, counts
+/// the frame. A state that is not finite is a fault, too; [`StepError::Environments`] lists all faults.
 pub fn commit(batch: &mut Batch, next: &mut [f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     batch.forces.clear();
     finish(batch, next, faults)
 }
 
-/// The same, the batch's forces being those of this frame.
+/// The same for a solver that has set the batch's contact forces.
 pub(crate) fn finish(batch: &mut Batch, next: &mut [f64], faults: &mut Vec<Fault>) -> Result<(), StepError> {
     let system = batch.system.clone();
     let d = system.robot.state_dim();
@@ -89,7 +89,7 @@ pub(crate) fn finish(batch: &mut Batch, next: &mut [f64], faults: &mut Vec<Fault
     for state in next.chunks_exact_mut(d) {
         wrap_state(&system.robot, state);
     }
-    // Into the batch's own memory, whose address others may hold (nerd-py's arrays).
+    // Into the batch's own memory, to which others may hold a pointer (nerd-py's arrays).
     batch.states.copy_from_slice(next);
     batch.frames.iter_mut().for_each(|f| *f += 1);
     if faults.is_empty() {
@@ -100,7 +100,7 @@ pub(crate) fn finish(batch: &mut Batch, next: &mut [f64], faults: &mut Vec<Fault
     Err(StepError::Environments(std::mem::take(faults)))
 }
 
-/// Notes why an environment cannot go on, unless a reason is known.
+/// Adds a fault of an environment, unless it has one already.
 fn add(faults: &mut Vec<Fault>, batch: &Batch, env: usize, reason: String) {
     if faults.iter().all(|f| f.env != env) {
         faults.push(Fault { env, frame: batch.frames[env], reason });

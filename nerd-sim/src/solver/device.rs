@@ -4,36 +4,36 @@ use nerd_cuda::{Buffer, Device, DeviceError};
 
 use crate::prelude::*;
 
-/// An error of the device as one of a step.
+/// Converts a device error to a step error.
 pub fn failed(error: DeviceError) -> StepError {
     StepError::Solver(error.to_string())
 }
 
-/// A batch that stays on a device while others work on it there, too.
+/// A solver whose batch stays on a GPU, where other code works on it, too.
 pub trait Resident {
-    /// Takes a batch over; refuses what has no kernel. What the host has of it grows old from here on.
+    /// Uploads a batch; refuses one without kernels. The host's copy becomes stale from here on.
     fn hold(&mut self, batch: &Batch) -> Result<(), StepError>;
 
-    /// The device, and what is held there.
+    /// The device, and the batch held there.
     fn held(&self) -> Option<(&Device, &Held)>;
 
-    /// Where it counts on the device, in 32 bits, the frames that it remembers of each environment; 0 if it remembers nothing.
+    /// Device address of the counters (32 bits) of frames in memory, by environment; 0 for a solver without memory.
     fn memory(&self) -> u64;
 
-    /// One frame of what is held, on the device's main stream. Environments whose fault is not 0 may stay as they are.
+    /// One frame of the held batch, on the device's main stream. Environments whose fault is not 0 may stay as they are.
     fn frame(&self) -> Result<(), DeviceError>;
 
-    /// Makes room for the way back over so many frames of what is held; refuses what has none.
+    /// Allocates memory for gradients over `frames` frames of the held batch; refuses a solver without gradients.
     fn keep(&mut self, batch: &Batch, frames: usize) -> Result<(), StepError>;
 
-    /// Finds, on the device's main stream, what the way back over these frames needs of all of them, for as many as there is room for.
+    /// Prepares gradients over these frames, on the device's main stream, for as many frames as there is room for.
     fn recall(&self, trail: Trail) -> Result<(), DeviceError>;
 
-    /// Goes back over one of them.
+    /// Vector-Jacobian product of one of them.
     fn back(&self, trail: Trail, back: Back) -> Result<(), DeviceError>;
 }
 
-/// Frames on a device, one after the other: addresses of the states before them and of the torques in them, `[frame][env]`.
+/// Consecutive frames on a device: addresses of the states before them and of the torques in them, `[frame][env]`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Trail {
     /// `[q, qd]`, f64.
@@ -44,24 +44,24 @@ pub struct Trail {
     pub frames: usize,
 }
 
-/// A way back over one frame of a [`Trail`]: addresses of gradients `[env][row]`, f64.
+/// A vector-Jacobian product of one frame of a [`Trail`]: addresses of gradients `[env][row]`, f64.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Back {
     /// Which frame.
     pub frame: usize,
-    /// Gradients of each environment.
+    /// Gradients (rows) of each environment.
     pub rows: usize,
-    /// By the next states, in their tangent space.
+    /// Input: with respect to the next states, in their tangent space.
     pub by_next: u64,
-    /// Where those by states go; may be the same place. Zeros where an environment's frame cannot be made.
+    /// Output: with respect to states; may be the same memory. Zeros where an environment's frame fails.
     pub by_states: u64,
-    /// Where those by torques go.
+    /// Output: with respect to torques.
     pub by_torques: u64,
-    /// Where the next states go, and as i32 why there are none; or 0.
+    /// Output: the next states, and faults as i32; or 0.
     pub next: [u64; 2],
 }
 
-/// Memory for so many environments, and the scenes that the device knows.
+/// Memory for the environments of a batch, and the scenes on the device.
 pub struct Held {
     /// Environments.
     pub n: usize,
@@ -71,15 +71,15 @@ pub struct Held {
     pub states: Buffer<f64>,
     /// Five numbers a joint, where there are drives.
     pub drives: Buffer<f64>,
-    /// Of each environment, or `[frame]` of each.
+    /// Torques of each environment, or `[frame]` of them.
     pub torques: Buffer<f64>,
-    /// Scenes, one after the other, each with what the robot there has of its own, and which of them is whose.
+    /// Scenes, one after the other, each with its robot's own parameters; `scene_of` maps environments to them.
     pub records: Buffer<f64>,
     /// See `records`.
     pub scene_of: Buffer<i32>,
-    /// Why an environment went no further, or 0.
+    /// Fault of each environment, or 0.
     pub faults: Buffer<i32>,
-    /// Frames that went well.
+    /// Frames that succeeded.
     pub done: Buffer<u32>,
     forces: Buffer<f64>,
     pub(crate) watched: bool,
@@ -108,12 +108,12 @@ impl Held {
         })
     }
 
-    /// Where contact forces go; 0 unless requested.
+    /// Address for contact forces; 0 unless requested.
     pub fn forces(&self) -> u64 {
         if self.watched { self.forces.ptr } else { 0 }
     }
 
-    /// States and forces after the frames; each environment's fault and the frames that it made.
+    /// Downloads states and forces after the frames; returns each environment's fault and its completed frames.
     pub(crate) fn give(&self, device: &Device, batch: &mut Batch, next: &mut Vec<f64>) -> Result<Vec<(i32, u32)>, DeviceError> {
         next.resize(batch.states.len(), 0.0);
         device.read(&self.states, next)?;

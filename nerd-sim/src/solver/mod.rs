@@ -17,41 +17,41 @@ use crate::prelude::*;
 /// Advances every environment of a batch by one control frame. It can be sent to another thread, and so can a [`Simulation`].
 pub trait Solver: Send {
     /// One frame. `torques` are `[env][joint]` (N m or N), held over the frame and not limited by the URDF's effort. Angles of endless
-    /// joints come back wrapped to [-pi, pi).
+    /// joints are returned wrapped to [-pi, pi).
     ///
     /// # Errors
-    /// [`StepError::Environments`] if some environments could not be stepped, all others were; else nothing was.
+    /// [`StepError::Environments`] if some environments could not be stepped and all others were; with any other error nothing was stepped.
     fn step(&mut self, batch: &mut Batch, torques: &[f64]) -> Result<(), StepError>;
 
-    /// The solver that this one is put around, if it is around one: what it does not say of itself, that one says.
+    /// The solver that this one wraps, if any: methods that are not overridden go to it.
     fn inner(&self) -> Option<&dyn Solver> {
         None
     }
 
-    /// The same, to be changed.
+    /// The same, mutable.
     fn inner_mut(&mut self) -> Option<&mut dyn Solver> {
         None
     }
 
-    /// Clears what is remembered of an environment.
+    /// Clears the memory of an environment.
     fn reset(&mut self, env: usize) {
         if let Some(inner) = self.inner_mut() {
             inner.reset(env);
         }
     }
 
-    /// What it remembers of an environment, as numbers for [`Self::recall`]; empty if its next frame depends on none before.
+    /// Memory of an environment, as numbers for [`Self::recall`]; empty if its next frame does not depend on earlier ones.
     ///
     /// # Errors
-    /// [`StepError::Refused`] where memory cannot be told.
+    /// [`StepError::Refused`] if memory cannot be read out.
     fn remembered(&self, env: usize) -> Result<Vec<f64>, StepError> {
         self.inner().map_or(Ok(Vec::new()), |inner| inner.remembered(env))
     }
 
-    /// Remembers of an environment what was [`Self::remembered`] of it, or of another one, in place of what it does now.
+    /// Replaces the memory of an environment by numbers that [`Self::remembered`] returned for it or for another one.
     ///
     /// # Errors
-    /// If those are not such numbers, or no batch with this environment has been stepped yet.
+    /// If the numbers do not fit, or no batch with this environment has been stepped yet.
     fn recall(&mut self, env: usize, memory: &[f64]) -> Result<(), StepError> {
         if let Some(inner) = self.inner_mut() {
             return inner.recall(env, memory);
@@ -60,37 +60,37 @@ pub trait Solver: Send {
         Ok(())
     }
 
-    /// What it can do beside stepping states.
+    /// Its capabilities beside stepping states.
     fn capabilities(&self) -> Capabilities {
         self.inner().map(|inner| inner.capabilities()).unwrap_or_default()
     }
 
-    /// Vector-Jacobian products of the frame that [`Self::step`] would make from here: `rows` of them for every environment, of gradients
-    /// `by_next` `[env][row][2 nv]` by the next state, each in the tangent space of its own state ([`nerd_core::tangent`]). The batch
-    /// and what the solver remembers stay as they are.
+    /// Vector-Jacobian products of the frame that [`Self::step`] would make from here: `rows` of them for every environment, from gradients
+    /// `by_next` `[env][row][2 nv]` with respect to the next state, each in the tangent space of its own state ([`nerd_core::tangent`]).
+    /// The batch and the solver's memory are not changed.
     ///
     /// # Errors
-    /// [`StepError::Refused`] of a solver without slopes; else as [`Self::step`].
+    /// [`StepError::Refused`] for a solver without gradients; else as [`Self::step`].
     fn back(&mut self, _batch: &Batch, _torques: &[f64], _rows: usize, _by_next: &[f64]) -> Result<Slopes, StepError> {
         Err(StepError::Refused("this solver has no slopes: take articulated, or a pure model whose network sees one frame".into()))
     }
 
-    /// The frame to first order: [`Self::back`] with the rows of an identity, so `states` has the matrix A of every environment,
-    /// `[2 nv][2 nv]`, and `torques` its B, `[2 nv][joint]`. [`Slopes::forward`] multiplies them with a direction.
+    /// The frame to first order: [`Self::back`] with the rows of an identity. `states` holds the matrix A of every environment, `[2 nv][2
+    /// nv]`, and `torques` its B, `[2 nv][joint]`. [`Slopes::forward`] multiplies them with a direction.
     fn linearise(&mut self, batch: &Batch, torques: &[f64]) -> Result<Slopes, StepError> {
         let size = 2 * batch.system.robot.nv();
         let identity: Vec<f64> = (0..size * size).map(|k| f64::from(u8::from(k % (size + 1) == 0))).collect();
         self.back(batch, torques, size, &identity.repeat(batch.len()))
     }
 
-    /// Itself as what keeps a batch on a graphics card, if that is what it does.
+    /// Itself as a solver that keeps a batch on a GPU, if it is one.
     #[cfg(feature = "cuda")]
     fn resident(&mut self) -> Option<&mut dyn device::Resident> {
         None
     }
 }
 
-/// What a [`Solver`] around its field `solver` says of that.
+/// Delegates the other methods of a [`Solver`] to its field `solver`.
 macro_rules! around {
     () => {
         fn inner(&self) -> Option<&dyn Solver> {
@@ -131,7 +131,7 @@ impl Solver for Box<dyn Solver + '_> {
 pub struct Simulation {
     /// States and scenes.
     pub batch: Batch,
-    /// What advances them.
+    /// The solver that advances them.
     pub solver: Box<dyn Solver>,
 }
 
@@ -146,7 +146,15 @@ impl Simulation {
         self.solver.step(&mut self.batch, torques)
     }
 
-    /// Puts one environment at `state`; the solver forgets its past.
+    /// Uses torques as servo targets from here on ([`Batch::servo`]), if the robot's position law acts inside a frame and the solver has
+    /// drives; returns whether it does.
+    pub fn serve(&mut self) -> bool {
+        let law = self.batch.system.spec.control.is_some_and(|law| law.servo);
+        self.batch.servo = law && self.batch.drives.is_empty() && self.solver.capabilities().drives;
+        self.batch.servo
+    }
+
+    /// Puts one environment at `state`; clears the solver's memory of it.
     ///
     /// # Panics
     /// As [`Batch::reset`].
@@ -155,7 +163,7 @@ impl Simulation {
         self.solver.reset(env);
     }
 
-    /// Makes environment `to` a copy of `from`, with what the solver remembers of it: under the same torques both go on alike.
+    /// Makes environment `to` a copy of `from`, the solver's memory included: under the same torques both continue alike.
     ///
     /// # Errors
     /// As [`Solver::remembered`].

@@ -13,11 +13,11 @@ use crate::prelude::*;
 /// Working memory that advances one environment at a time by one frame; nothing in it outlives a frame.
 pub(crate) trait Frame: Send + Sized {
     type Config: Sync;
-    /// What is computed of a robot's numbers, once.
+    /// Data computed once from a robot's numbers.
     type Prepared: Send + Sync;
     /// Environments that one thread steps in a row.
     const CHUNK: usize;
-    /// Whether it has drives inside its frame, and reports forces.
+    /// Whether it supports drives inside its frame, and reports forces.
     const DRIVEN: bool = false;
 
     /// Prepares for a system; `Err` says why it cannot be simulated.
@@ -26,14 +26,14 @@ pub(crate) trait Frame: Send + Sized {
     /// Memory for a system, and for all that differ from it in numbers alone.
     fn new(system: &System, prepared: Arc<Self::Prepared>) -> Self;
 
-    /// Takes over what is prepared of the system that is stepped next.
+    /// Switches to the prepared data of the system to be stepped next.
     fn turn_to(&mut self, prepared: &Arc<Self::Prepared>);
 
-    /// Advances `state` under joint torques `tau`; `Err` says why not.
+    /// Advances `state` under joint torques `tau`; an `Err` gives the reason of a failure.
     fn step(&mut self, system: &System, scene: &Scene, config: &Self::Config, state: &mut [f64], tau: &[f64]) -> Result<(), String>;
 
-    /// Takes over the drives of the environment that is stepped next.
-    fn drive(&mut self, _drives: &[Drive]) {}
+    /// Sets the drives of the environment to be stepped next, and whether its torques are servo targets.
+    fn drive(&mut self, _drives: &[Drive], _servo: bool) {}
 
     /// Mean force (N) on each contact point in the last frame, world axes.
     fn forces(&self) -> &[Vector3<f64>] {
@@ -41,10 +41,10 @@ pub(crate) trait Frame: Send + Sized {
     }
 }
 
-/// A frame that can be gone back.
+/// A frame with a vector-Jacobian product.
 pub(crate) trait Back: Frame {
-    /// Steps as [`Frame::step`] does, and takes gradients `[row][2 nv]` by the next state to those by this one, by the torques and, if they are
-    /// asked for, by numbers of robot and scene.
+    /// Steps as [`Frame::step`] does, and maps gradients `[row][2 nv]` with respect to the next state to those with respect to this one, to
+    /// the torques and, if requested, to numbers of robot and scene.
     #[allow(clippy::too_many_arguments)]
     fn back(
         &mut self,
@@ -58,20 +58,19 @@ pub(crate) trait Back: Frame {
     ) -> Result<Slopes, String>;
 }
 
-/// Steps the environments of a batch in chunks. Allocates at its first step (or when the batch grows or its robot
-/// changes), then no more.
+/// Steps the environments of a batch in chunks. Allocates at its first step (or when the batch grows or its robot changes), then no more.
 pub(crate) struct Parallel<F: Frame> {
-    /// The batch's robot, and those of its environments where they have their own.
+    /// The robots of the batch and of environments that have their own, prepared.
     prepared: Option<Prepared<F>>,
     own: Vec<Prepared<F>>,
     frames: Vec<F>,
     next: Vec<f64>,
-    /// In the place of forces where there are none.
+    /// Stands in for forces where there are none.
     none: Vec<Vector3<f64>>,
     faults: Mutex<Vec<Fault>>,
 }
 
-/// A system and what is prepared of it.
+/// A system and its prepared data.
 type Prepared<F> = (Arc<System>, Arc<<F as Frame>::Prepared>);
 
 /// Number, states, forces and memory of a chunk.
@@ -93,7 +92,7 @@ impl<F: Frame> Parallel<F> {
         let (d, joints) = (system.robot.state_dim(), system.robot.joint_count());
         let chunks = batch.len().div_ceil(F::CHUNK);
         let own = &self.own;
-        // Out of the batch while that is read by all.
+        // Moved out of the batch while all threads read the batch.
         let mut forces = std::mem::take(&mut batch.forces);
         let points = if F::DRIVEN { system.robot.contact_points.len() } else { 0 };
         forces.resize(batch.len() * points, Vector3::zeros());
@@ -101,7 +100,7 @@ impl<F: Frame> Parallel<F> {
         self.none.resize(chunks, Vector3::zeros());
         let reported = if points > 0 { &mut forces[..] } else { &mut self.none[..] };
         self.next.clone_from(&batch.states);
-        // Who is not a number from the start is not stepped at all.
+        // Environments that are not finite from the start are not stepped.
         let faults = self.faults.get_mut().unwrap_or_else(PoisonError::into_inner);
         let bad: Vec<usize> = faults.iter().map(|f| f.env).collect();
         let faults = &self.faults;
@@ -115,7 +114,7 @@ impl<F: Frame> Parallel<F> {
                     continue;
                 }
                 let tau = &torques[env * joints..(env + 1) * joints];
-                frame.drive(now.driven(env));
+                frame.drive(now.driven(env), now.servo);
                 if let Some((_, prepared)) = own.get(env) {
                     frame.turn_to(prepared);
                 }
@@ -166,7 +165,7 @@ impl<F: Frame> Parallel<F> {
         self.prepare(batch).map_err(StepError::Solver)?;
         let own = &self.own;
         let go = |(env, state, frame): (usize, &[f64], &mut F)| {
-            frame.drive(batch.driven(env));
+            frame.drive(batch.driven(env), batch.servo);
             if let Some((_, prepared)) = own.get(env) {
                 frame.turn_to(prepared);
             }
@@ -200,7 +199,7 @@ impl<F: Frame> Parallel<F> {
         if faults.is_empty() { Ok(out) } else { Err(StepError::Environments(faults)) }
     }
 
-    /// Looks at the batch's robots as far as they are others than in the last frame, and makes memory for all chunks.
+    /// Prepares the batch's robots that have changed since the last frame, and allocates memory for all chunks.
     fn prepare(&mut self, batch: &Batch) -> Result<(), String> {
         let prepared = match &self.prepared {
             Some((system, prepared)) if Arc::ptr_eq(system, &batch.system) => prepared.clone(),

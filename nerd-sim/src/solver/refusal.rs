@@ -1,23 +1,25 @@
-//! What a solver can do beside stepping states, and why it could not step.
+//! Capabilities of a solver, and reasons why it could not step.
 
 use crate::batch::Batch;
 
-/// What a solver can do beside stepping states; ask [`super::Solver::capabilities`] before the first step.
+/// Capabilities of a solver beside stepping states; check [`super::Solver::capabilities`] before the first step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Capabilities {
-    /// Holds a batch's drives inside its frame ([`Batch::drives`]).
+    /// Applies a batch's drives inside its frame ([`Batch::drives`]).
     pub drives: bool,
-    /// Tells contact forces ([`Batch::contact_force`]).
+    /// Reports contact forces ([`Batch::contact_force`]).
     pub forces: bool,
-    /// Steps a robot of its own in each environment ([`Batch::systems`]).
+    /// Steps an individual robot in each environment ([`Batch::systems`]).
     pub systems: bool,
 }
 
 impl Capabilities {
-    /// Refuses a batch that needs what is not there ([`StepError::Refused`]).
+    /// Refuses a batch that needs an unsupported capability ([`StepError::Refused`]).
     pub fn admit(&self, batch: &Batch) -> Result<(), StepError> {
         let missing = if !self.drives && !batch.drives.is_empty() {
             "this solver has no drives inside its frame: leave `drives` empty and give torques (nerd_sim::control), or step with articulated"
+        } else if !self.drives && batch.servo {
+            "this solver has no drives inside its frame: set the batch's `servo` to false, or step with articulated"
         } else if !self.systems && !batch.systems.is_empty() {
             "this solver knows one robot for all environments: leave `systems` empty, or step with articulated or rapier"
         } else {
@@ -34,7 +36,7 @@ pub enum StepError {
     /// Some environments could not be stepped and keep their states. All others were stepped as usual.
     #[error("{}", line(.0))]
     Environments(Vec<Fault>),
-    /// The batch asks for what this solver has not; nothing was stepped.
+    /// The batch needs a feature that this solver lacks; nothing was stepped.
     #[error("{0}")]
     Refused(String),
     /// The solver as a whole failed; nothing was stepped.
@@ -43,12 +45,12 @@ pub enum StepError {
 }
 
 impl StepError {
-    /// So many torques are not one a joint of each environment.
+    /// The number of torques is not one a joint of each environment.
     pub(crate) fn torques(found: usize, environments: usize, joints: usize) -> Self {
         Self::Solver(format!("{found} torques for {environments} environments of {joints} joints"))
     }
 
-    /// The environments that were set aside, for who goes on with the others; itself, if nothing was stepped.
+    /// The failed environments, for a caller that continues with the others; the error itself, if nothing was stepped.
     pub fn faults(self) -> Result<Vec<Fault>, Self> {
         match self {
             Self::Environments(faults) => Ok(faults),
@@ -74,22 +76,22 @@ fn line(faults: &[Fault]) -> String {
     format!("environment {env}, frame {frame}: {reason}{others}")
 }
 
-/// What [`super::Solver::back`] finds.
+/// Result of [`super::Solver::back`].
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Slopes {
     /// States after the frame, `[env][q, qd]`.
     pub next: Vec<f64>,
-    /// Gradients by the states before it, `[env][row][2 nv]`.
+    /// Gradients with respect to the states before it, `[env][row][2 nv]`.
     pub states: Vec<f64>,
-    /// Gradients by the torques, `[env][row][joint]`.
+    /// Gradients with respect to the torques, `[env][row][joint]`.
     pub torques: Vec<f64>,
-    /// Gradients by numbers of robot and scene where they were asked for, `[env][row][number]`.
+    /// Gradients with respect to numbers of robot and scene if requested, `[env][row][number]`.
     pub numbers: Vec<f64>,
 }
 
 impl Slopes {
-    /// Jacobian-vector products of a frame that [`super::Solver::linearise`] gave: how the next states move, `[env][2 nv]`, when the states
-    /// move by `states`, `[env][2 nv]`, and the torques by `torques`, `[env][joint]`.
+    /// Jacobian-vector products of a frame from [`super::Solver::linearise`]: the change of the next states, `[env][2 nv]`, when the states
+    /// change by `states`, `[env][2 nv]`, and the torques by `torques`, `[env][joint]`.
     pub fn forward(&self, states: &[f64], torques: &[f64]) -> Vec<f64> {
         let size = self.states.len().checked_div(states.len()).unwrap_or_default();
         let joints = (torques.len() * size).checked_div(states.len()).unwrap_or_default();
@@ -102,7 +104,7 @@ impl Slopes {
         (0..states.len()).map(row).collect()
     }
 
-    /// Those of more environments.
+    /// Appends the results of further environments.
     pub fn append(&mut self, more: Self) {
         self.next.extend(more.next);
         self.states.extend(more.states);

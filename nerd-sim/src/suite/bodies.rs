@@ -2,7 +2,7 @@
 
 use crate::internal::*;
 
-/// The orientation (x y z w) of what is not turned.
+/// The identity orientation (x y z w).
 pub const UPRIGHT: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
 
 /// A free rigid body.
@@ -10,7 +10,7 @@ pub const UPRIGHT: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
 pub struct Body {
     /// URDF geometry, such as `<sphere radius="0.1"/>`.
     pub shape: String,
-    /// Four feet in its place: balls of 0.02 m at these half distances in x and y, and this far below.
+    /// Four feet in place of the shape: balls of 0.02 m at these half distances in x and y, and this far below.
     pub feet: Option<[f64; 3]>,
     /// Mass (kg).
     pub mass: f64,

@@ -1,9 +1,8 @@
-//! The stability suite: scenes with known answers for any solver. It shows where a solver stays right, where it bends
-//! and where it breaks.
+//! The stability suite: scenes with known answers for any solver. It shows where a solver is right, where it degrades and where it fails.
 //!
-//! A [`Row`] is a scene with a measured figure and a limit, which comes from an equation or from somebody's tests and never from
-//! our own build. Up to the limit is a pass, up to ten times the limit degraded; beyond it, or with an error of the solver (the
-//! figure is then that of the motion before), a failure.
+//! A [`Row`] is a scene with a measured figure and a limit; limits come from equations or from published tests, never from our own build. A
+//! figure up to the limit is a pass, up to ten times the limit degraded. Beyond, or after an error of the solver, it is a failure; the
+//! figure is then taken from the motion before the error.
 //!
 //! Your own solver:
 //!
@@ -31,7 +30,7 @@ mod trial;
 pub use row::{Cell, Line, Row, Verdict};
 pub use trial::{Error, Method, rise};
 
-/// Rows to be asked.
+/// Rows to be run.
 #[derive(Clone, Debug)]
 pub struct Suite {
     rows: Vec<&'static Row>,
@@ -49,7 +48,7 @@ impl Suite {
         Self { rows: rows::all().collect() }
     }
 
-    /// Of these rows those with one of `words` in their names; all of them if there is no word. A word that none has is refused.
+    /// The rows that have one of `words` in their names; all of them without words. A word that matches no row is refused.
     pub fn only(mut self, words: &[impl AsRef<str>]) -> Result<Self, Error> {
         let has = |row: &Row, word: &str| row.name.contains(word);
         if let Some(word) = words.iter().map(AsRef::as_ref).find(|word| !self.rows.iter().any(|row| has(row, word))) {
@@ -65,7 +64,7 @@ impl Suite {
         &self.rows
     }
 
-    /// Asks every row of every method, on all cores. `progress` receives how many of the rows times methods are done.
+    /// Runs every row with every method, on all cores. `progress` receives how many of the rows times methods are done.
     pub fn run(&self, methods: &[Method], progress: impl Fn(usize) + Sync) -> Vec<Line> {
         let done = AtomicUsize::new(0);
         let measure = |row: &Row, method: &Method| {

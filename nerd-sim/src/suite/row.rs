@@ -8,18 +8,18 @@ use crate::internal::*;
 /// How a row of the suite measures; an error is a scene that could not be made.
 type Measure = fn(&Trial) -> Result<f64, Error>;
 
-/// One scene and what is measured in it.
+/// One scene and the figure measured in it.
 #[derive(Clone, Copy, Debug)]
 pub struct Row {
     /// Name.
     pub name: &'static str,
-    /// What the figure is.
+    /// Meaning of the figure.
     pub figure: &'static str,
-    /// Its unit, or what it is a share of; empty for a pure number.
+    /// Its unit, or the quantity it is relative to; empty for a pure number.
     pub unit: &'static str,
     /// The source of the limit: an equation, or published tests.
     pub source: &'static str,
-    /// Why it is asked, in one sentence.
+    /// Reason for the row, in one sentence.
     pub why: &'static str,
     /// Largest figure that passes; up to ten times as much is degraded.
     pub limit: f64,
@@ -39,13 +39,13 @@ impl Row {
         Self { why, ..self }
     }
 
-    /// With what came out, a cell for each method.
+    /// The row's line of results, a cell for each method.
     pub(super) fn line(&self, cells: Vec<Cell>) -> Line {
         let [row, figure, unit, source, why] = [self.name, self.figure, self.unit, self.source, self.why].map(String::from);
         Line { row, figure, unit, source, why, limit: self.limit, cells }
     }
 
-    /// Asks a method.
+    /// Runs the row with a method.
     pub fn cell(&self, method: &Method) -> Cell {
         let trial = Trial::new(method);
         match (self.measure)(&trial) {
@@ -54,13 +54,13 @@ impl Row {
         }
     }
 
-    /// Whether a correct solver must pass. Three rows drive a robot past what any step can follow, to show what becomes of it.
+    /// Whether a correct solver must pass. Three rows drive a robot beyond the limits of any step, to show how it fails.
     pub fn must_pass(&self) -> bool {
         !matches!(self.name, "ANYmal kp 200" | "ANYmal kp 2000" | "ANYmal kp 5000")
     }
 }
 
-/// What became of a row under a method.
+/// Verdict of a row under a method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Verdict {
@@ -70,7 +70,7 @@ pub enum Verdict {
     Degraded,
     /// Beyond, or the solver gave up.
     Fail,
-    /// The method cannot be asked this.
+    /// The row does not apply to the method.
     Unasked,
 }
 
@@ -88,7 +88,7 @@ impl fmt::Display for Verdict {
 /// A measured cell.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cell {
-    /// The figure; of the motion before the solver gave up, if it did. None where nothing was asked.
+    /// The figure; if the solver failed, of the motion before. None where nothing was measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub figure: Option<f64>,
     /// The solver's error when it gave up.
@@ -101,7 +101,7 @@ pub struct Cell {
 impl Cell {
     /// The measured figure and, if the solver gave up before, its error, against a limit.
     fn new(measured: Result<f64, impl fmt::Display>, lost: Option<String>, limit: f64) -> Self {
-        // Beyond all limits, and still a number.
+        // Beyond all limits, and still finite.
         const HUGE: f64 = 1e300;
         let lost = measured.as_ref().err().map(ToString::to_string).or(lost);
         let lost = lost.or_else(|| measured.as_ref().ok().filter(|x| x.is_nan()).map(|_| "the figure is not a number".into()));
@@ -125,18 +125,18 @@ impl fmt::Display for Cell {
     }
 }
 
-/// A row with its cells, as tables and files have it.
+/// A row with its cells, in the form of tables and files.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Line {
     /// Name of the row.
     pub row: String,
-    /// What the figure is.
+    /// Meaning of the figure.
     pub figure: String,
-    /// Its unit, or what it is a share of; empty for a pure number.
+    /// Its unit, or the quantity it is relative to; empty for a pure number.
     pub unit: String,
-    /// Where the limit is from.
+    /// Source of the limit.
     pub source: String,
-    /// Why it is asked.
+    /// Reason for the row.
     pub why: String,
     /// Largest figure that passes.
     pub limit: f64,

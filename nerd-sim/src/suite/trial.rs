@@ -8,13 +8,13 @@ use crate::internal::*;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// No row has that word in its name; names of the rows.
+    /// No row has this word in its name; names of the rows.
     #[error("no row has `{0}` in its name; choose from {1}")]
     Row(String, String),
     /// The world of a row could not be made.
     #[error(transparent)]
     System(#[from] SystemError),
-    /// The solver failed where nothing is measured yet.
+    /// The solver failed before anything was measured.
     #[error(transparent)]
     Step(#[from] StepError),
     /// The row compares a method with itself at four times the substeps, and the method has no such setting.
@@ -41,14 +41,14 @@ impl Method {
         Self { name: name.into(), make: Arc::new(make), finer: None, rigid: false, kin: None }
     }
 
-    /// The same solver with four times the substeps, for the rows of self-convergence; without it they are not asked.
+    /// The same solver with four times the substeps, for the rows of self-convergence; without it these rows are skipped.
     #[must_use]
     pub fn finer(mut self, make: impl Fn(&Arc<System>) -> Box<dyn Solver> + Send + Sync + 'static) -> Self {
         self.finer = Some(Arc::new(make));
         self
     }
 
-    /// The same with something around its solver.
+    /// The same with a wrapper around its solver.
     #[must_use]
     pub fn around(self, wrap: impl Fn(Box<dyn Solver>) -> Box<dyn Solver> + Send + Sync + 'static) -> Self {
         let wrap = Arc::new(wrap);
@@ -59,14 +59,14 @@ impl Method {
         Self { make: both(self.make), finer: self.finer.map(&both), ..self }
     }
 
-    /// Contacts do not give way as their material says: a body at rest lies on the surface, not `m g / k` below it.
+    /// Marks contacts as rigid: a body at rest lies on the surface, not `m g / k` below it.
     #[must_use]
     pub fn rigid(mut self) -> Self {
         self.rigid = true;
         self
     }
 
-    /// A built-in robot has the materials and substeps of `NAME-kin`: those of `NAME-paper` are the reference simulator's.
+    /// Gives built-in robots the materials and substeps of `NAME-{kin}`, such as `NAME-paper` with the reference simulator's.
     #[must_use]
     pub fn made_as(mut self, kin: &'static str) -> Self {
         self.kin = Some(kin);
@@ -77,7 +77,7 @@ impl Method {
 /// A method under test.
 pub struct Trial<'a> {
     pub method: &'a Method,
-    /// The solver's error if it gave up; from there on the motion stays as it is.
+    /// The solver's error if it failed; from there on the motion stays in place.
     pub lost: RefCell<Option<String>>,
 }
 
@@ -108,12 +108,12 @@ impl Motion {
         self.states.iter().map(|s| self.system.stored(&self.scene, s, &mut data)).collect()
     }
 
-    /// A figure of this motion above the ground; infinity, which fails, if a contact point fell through: it was ever deeper than 0.3 m.
-    /// Where this is asked a right motion sinks in by 0.13 m at most, a pendulum's tip that strikes.
+    /// A figure of this motion above the ground; infinity, a failure, if a contact point was ever deeper than 0.3 m, that is, fell through.
+    /// In these rows a correct motion penetrates by at most 0.13 m (the tip of a pendulum on impact).
     pub fn above(&self, figure: f64) -> f64 {
         let (robot, mut data, mut events) = (&self.system.robot, Data::new(&self.system.robot), Vec::new());
         let fell = self.states.iter().any(|state| {
-            contacts(robot, &self.scene, state, &mut data, &mut events);
+            contacts(&self.system, &self.scene, state, &mut data, &mut events);
             robot.contact_points.iter().zip(&events).any(|(point, event)| point.radius - event.distance > 0.3)
         });
         if fell { f64::INFINITY } else { figure }
@@ -125,7 +125,7 @@ impl Motion {
     }
 }
 
-/// The largest rise of an energy (J) over its least before.
+/// The largest rise of an energy (J) over its least value before.
 pub fn rise(energies: impl IntoIterator<Item = f64>) -> f64 {
     let mut least = f64::INFINITY;
     energies.into_iter().fold(0.0, |rise, e| {
@@ -142,7 +142,7 @@ impl<'a> Trial<'a> {
         Self { method, lost: RefCell::new(None) }
     }
 
-    /// A built-in robot, for every method the same but for what it is made of.
+    /// A built-in robot, the same for every method except for its materials and substeps.
     pub fn robot(&self, name: &str) -> Result<Arc<System>, Error> {
         let system = System::named(name)?;
         let Some(kin) = self.method.kin else { return Ok(system) };

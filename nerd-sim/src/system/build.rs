@@ -6,12 +6,13 @@ use nalgebra::UnitVector3;
 
 use super::start::{DRAWS, clear_start};
 use super::validate::{RESERVED, check};
+use super::world::{World, soften};
 use super::{derive::stiffen, folds::Folds, model::Source, spec::ContactSpec};
 use crate::internal::*;
 
 impl System {
     /// From a robot and an unchecked specification.
-    pub(crate) fn new(name: &str, read: impl Into<UrdfRobot>, mut spec: Spec, source: Source) -> Result<Self, SystemError> {
+    pub(crate) fn new(name: &str, read: impl Into<UrdfRobot>, world: World, mut spec: Spec, source: Source) -> Result<Self, SystemError> {
         let UrdfRobot { mut robot, notes, meshes, hulls, mut base } = read.into();
         if source != Source::Derived || spec.floating {
             base.clear();
@@ -38,10 +39,32 @@ impl System {
         let frame_time = spec.seconds();
         let folds = Folds::default();
         let (motors, drawn, file) = Default::default();
-        let mut system =
-            Self { name: name.into(), robot, frame_time, spec, source, notes, meshes, base, motors, file, drawn, stand_ins, folds };
+        let World { colliders: world, surfaces } = world;
+        let (margin, surfaces, one_friction) = (surfaces.margin(), Arc::new(surfaces), None);
+        let mut system = Self {
+            name: name.into(),
+            robot,
+            frame_time,
+            spec,
+            source,
+            notes,
+            meshes,
+            base,
+            world,
+            surfaces,
+            margin,
+            one_friction,
+            motors,
+            file,
+            drawn,
+            stand_ins,
+            folds,
+        };
+        let state = system.default_state();
+        let (gravity, material) = (system.gravity(), system.spec.material);
+        soften(Arc::make_mut(&mut system.surfaces), &system.robot, &state, &gravity, &material).map_err(wrong)?;
         if system.spec.self_collision {
-            let (folds, note) = Folds::new(&system.robot, &hulls, &system.default_state()[..system.robot.nq()]);
+            let (folds, note) = Folds::new(&system.robot, &hulls, &system.surfaces, &system.default_state()[..system.robot.nq()]);
             system.folds = folds;
             system.notes.push(note);
         }
@@ -51,8 +74,8 @@ impl System {
         }
         for which in [Start::Sample, Start::Reset] {
             if clear_start(&system, which, &mut stream(0, 0)).is_none() {
-                let [law, remedy] = source.starts(system.spec.root.is_some(), which.name());
-                return Err(wrong(format!("none of {DRAWS} starts of {law} is clear of the data's scene: {remedy}")));
+                let ([starts, remedy], scene) = (source.starts(system.spec.root.is_some(), which.name()), system.spec.data_scene);
+                return Err(SystemError::Blocked(name.into(), format!("{DRAWS} starts {starts}"), scene.unwrap_or_default(), remedy));
             }
         }
         Ok(system)
@@ -70,23 +93,35 @@ fn equip(robot: &mut Robot, spec: &Spec, specified: bool) {
     let missing: Vec<bool> = spec.joints.iter().map(|j| j.limit.is_none()).collect();
     stiffen(robot, &missing, spec.seconds() / spec.substeps as f64);
     if !spec.contacts.is_empty() {
-        let points = |c: &ContactSpec| robot.link(&c.link).map(|link| c.points(link)).unwrap_or_default();
-        robot.contact_points = spec.contacts.iter().flat_map(points).collect();
+        let points = |c: &ContactSpec| robot.link(&c.link).map(|link| c.points(link, &robot.links[link].frame)).unwrap_or_default();
+        let listed: Vec<ContactPoint> = spec.contacts.iter().flat_map(points).collect();
+        // A point listed where the file has one gets the file's surface; two may be at one position.
+        let mut own: Vec<_> = std::mem::take(&mut robot.contact_points).into_iter().filter(|p| p.surface.is_some()).collect();
+        let mut surface = |p: &ContactPoint| own.iter().position(|own| same(own, p)).and_then(|k| own.remove(k).surface);
+        robot.contact_points = listed.into_iter().map(|p| p.clone().on(surface(&p))).collect();
     } else if specified && spec.scenes.is_empty() && spec.random_plane.is_none() {
         // Nothing to touch: the robot pays for no contact point.
         robot.contact_points.clear();
     }
 }
 
+/// Whether two contact points touch alike, but for rounding.
+fn same(a: &ContactPoint, b: &ContactPoint) -> bool {
+    let near = |a: Vec<Vector3<f64>>, b: Vec<Vector3<f64>>| a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).amax() < 1e-9);
+    a.link == b.link && a.radius == b.radius && near(a.places(), b.places())
+}
+
 impl ContactSpec {
-    /// Its contact points on link `link`; it is checked.
-    fn points(&self, link: usize) -> Vec<ContactPoint> {
-        let vertices = || self.vertices.iter().map(|v| Vector3::from(*v)).collect::<Vec<_>>();
+    /// Its contact points on link `link`, from whose `frame` they count; it is checked.
+    fn points(&self, link: usize, frame: &Isometry3<f64>) -> Vec<ContactPoint> {
+        let place = |at: [f64; 3]| frame.transform_point(&at.into()).coords;
+        let vertices = || self.vertices.iter().map(|v| place(*v)).collect::<Vec<_>>();
         let mut points = match (self.point, self.axis.zip(self.rim)) {
             (None, _) => vec![ContactPoint::hull(link, vertices(), self.radius)],
-            (Some(at), None) => vec![ContactPoint::new(link, at.into(), self.radius)],
+            (Some(at), None) => vec![ContactPoint::new(link, place(at), self.radius)],
             (Some(at), Some((axis, rim))) => {
-                ContactPoint::disc(link, at.into(), UnitVector3::new_normalize(axis.into()), rim, self.radius).into()
+                let axis = frame.rotation * UnitVector3::new_normalize(Vector3::from(axis));
+                ContactPoint::disc(link, place(at), axis, rim, self.radius).into()
             }
         };
         points.iter_mut().for_each(|p| p.thickness = self.thickness.unwrap_or(self.radius));
@@ -94,7 +129,7 @@ impl ContactSpec {
     }
 }
 
-/// Makes a quaternion a unit one; one that is so but for rounding stays as it is.
+/// Normalises a quaternion; leaves it as it is if it is a unit one up to rounding.
 fn upright(quaternion: &mut [f64; 4]) {
     let size = quaternion.iter().map(|x| x * x).sum::<f64>().sqrt();
     if (size - 1.0).abs() > 1e-12 {
@@ -102,8 +137,8 @@ fn upright(quaternion: &mut [f64; 4]) {
     }
 }
 
-/// Columns of tables that the specification leaves to us: joints by their names, with `q_` before those that would be
-/// taken for another column.
+/// Columns of tables that the specification leaves out: joints by their names, with `q_` before those that would be mistaken for another
+/// column.
 pub(crate) fn name_columns(robot: &Robot, spec: &mut Spec) {
     let root = |names: &[&str]| names.iter().filter(|_| robot.floating()).map(|n| n.to_string()).collect::<Vec<_>>();
     let (pose, twist) = (root(&["px", "py", "pz", "qx", "qy", "qz", "qw"]), root(&["wx", "wy", "wz", "vx_s", "vy_s", "vz_s"]));

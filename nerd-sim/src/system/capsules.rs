@@ -1,8 +1,8 @@
-//! The capsules by which the links of a robot meet each other, and how near two of them are.
+//! Capsules for self-collision of a robot's links, and the gap between two of them.
 //!
-//! Balls and capsules are what they are. A cylinder becomes a capsule of its radius and length, a flat one and a box become capsules side by
-//! side along their longest axis, as thick as they are: edges are rounded, by 0.41 of the smallest half at an edge and 0.73 at a corner. The
-//! hull of a mesh is taken as its smallest box of two, each capsule shortened and thinned to what the hull has room for.
+//! Balls and capsules are exact. A cylinder becomes a capsule of its radius and length; a flat one and a box become capsules side by side
+//! along their longest axis, as thick as the shape. So edges are rounded, by 0.41 of the smallest half extent at an edge and 0.73 at a
+//! corner. The hull of a mesh becomes the smaller of two boxes, each of whose capsules is shortened and thinned to fit inside the hull.
 
 use std::f64::consts::PI;
 
@@ -10,17 +10,18 @@ use nalgebra::{Rotation3, Translation3};
 
 use crate::internal::*;
 
-/// How far apart capsules side by side are at most, in radii: a dip between two is a third of a radius deep.
+/// Largest distance of neighbouring capsules, in radii: the dip between two is then a third of a radius deep.
 const APART: f64 = 1.5;
-/// Capsules side by side at most; what is wider and flatter is taken for thicker.
+/// Most capsules side by side; wider, flatter shapes are taken as thicker.
 const ROWS: usize = 12;
 /// Thinnest capsule (m).
 const THINNEST: f64 = 1e-4;
-/// Share of the sum of two radii, squared, that is added to their squared distance at both ends: so much are capsules barrels, R / 4000 thinner
-/// at an end. Where two lie side by side, the place where they touch is then a continuous function of the pose, and their gap has its gradient.
+/// Share of the squared sum of two radii that is added to their squared distance at both ends: capsules are slightly barrel-shaped, R /
+/// 4000 thinner at an end. Where two lie side by side, their contact position is then a continuous function of the pose, and their gap has
+/// its gradient.
 pub(crate) const BARREL: f64 = 1.0 / 2000.0;
 
-/// All places within `radius` of those between `middle - half` and `middle + half` (m, link frame).
+/// All points within `radius` of the segment from `middle - half` to `middle + half` (m, link frame).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Capsule {
     pub(crate) middle: Vector3<f64>,
@@ -31,14 +32,14 @@ pub(crate) struct Capsule {
 pub(crate) struct Meeting {
     /// Distance of their surfaces (m), negative inside.
     pub(crate) gap: f64,
-    /// Gradient of the gap when the first moves, a unit vector but for the barrel's share.
+    /// Gradient of the gap with respect to the first one's position, a unit vector except for the barrel's share.
     pub(crate) normal: Vector3<f64>,
     pub(crate) place: Vector3<f64>,
 }
 
 impl Capsule {
-    /// Where it meets another: of all pairs of places `m + s h` of the two axes, s from -1 to 1, the one with the least
-    /// `|x_1 - x_2|^2 + BARREL R^2 (s_1^2 + s_2^2)`.
+    /// Contact with another capsule: of all pairs of points `m + s h` of the two axes, s from -1 to 1, the pair with the least `|x_1 -
+    /// x_2|^2 + BARREL R^2 (s_1^2 + s_2^2)`.
     #[inline]
     pub(crate) fn meets(&self, other: &Self) -> Meeting {
         let (u, v, apart, reach) = (&self.half, &other.half, self.middle - other.middle, self.radius + other.radius);
@@ -54,7 +55,7 @@ impl Capsule {
         let between = apart + u * s - v * t;
         let distance = (between.dot(&between) + barrel * (s * s + t * t)).sqrt();
         let place = other.middle + v * t + between * (other.radius / reach);
-        // Where the axes cross there is no way out; nor a force, then.
+        // Where the axes cross the direction is undefined, so there is no force.
         let normal = if distance > 0.0 { between / distance } else { between };
         Meeting { gap: distance - reach, normal, place }
     }
@@ -79,7 +80,7 @@ impl Capsule {
         }
     }
 
-    /// Those of a convex hull, from its vertices (m, link frame).
+    /// Capsules of a convex hull, from its vertices (m, link frame).
     pub(crate) fn of_hull(vertices: &[Vector3<f64>]) -> Vec<Self> {
         let Some(room) = Room::of(vertices) else { return Vec::new() };
         let (pose, half) = boxed(vertices);
@@ -87,12 +88,12 @@ impl Capsule {
         bars.iter().filter_map(|bar| room.fit(bar)).collect()
     }
 
-    /// Whether all of it is in another one, but for rounding.
+    /// Whether it is inside another one, up to rounding.
     pub(crate) fn within(&self, other: &Self) -> bool {
         [-1.0, 1.0].iter().all(|s| other.outside(&(self.middle + self.half * *s)) + self.radius < 1e-9)
     }
 
-    /// How far (m) a place is outside.
+    /// Distance (m) of a point outside of it.
     fn outside(&self, place: &Vector3<f64>) -> f64 {
         let length = self.half.norm_squared();
         let s = if length > 0.0 { ((place - self.middle).dot(&self.half) / length).clamp(-1.0, 1.0) } else { 0.0 };
@@ -100,7 +101,7 @@ impl Capsule {
     }
 }
 
-/// How far (m) what touches a scene lies outside of capsules of the same link at most.
+/// Largest distance (m) of a link's contact points outside of its capsules.
 pub(crate) fn rounded(points: &[ContactPoint], capsules: &[Capsule]) -> f64 {
     let out = |place: &Vector3<f64>| capsules.iter().map(|c| c.outside(place)).fold(f64::INFINITY, f64::min);
     points.iter().flat_map(|p| p.places().into_iter().map(move |x| out(&x) + p.radius)).fold(0.0, f64::max)
@@ -111,7 +112,8 @@ fn along(pose: &Isometry3<f64>, axis: usize, half_length: f64, radius: f64) -> C
     Capsule { middle: pose.translation.vector, half, radius: radius.max(THINNEST) }
 }
 
-/// A flat thing of these halves as capsules side by side; `reach` is half the length of the axis of the one at y, and as thick.
+/// A flat shape with these half extents as capsules side by side; `reach` is half the length of the axis of the capsule at y, given its
+/// thickness.
 fn rows(pose: &Isometry3<f64>, half: Vector3<f64>, reach: impl Fn(f64, f64) -> f64) -> Vec<Capsule> {
     if half.max() <= 0.0 {
         return Vec::new();
@@ -127,7 +129,7 @@ fn rows(pose: &Isometry3<f64>, half: Vector3<f64>, reach: impl Fn(f64, f64) -> f
     (0..=gaps as usize).map(|k| row(place(k))).collect()
 }
 
-/// The smaller of two boxes about vertices: along the link's axes, and along those of their covariance.
+/// The smaller of two boxes about vertices: along the link's axes, and along their covariance's.
 fn boxed(vertices: &[Vector3<f64>]) -> (Isometry3<f64>, Vector3<f64>) {
     let mean = vertices.iter().sum::<Vector3<f64>>() / vertices.len() as f64;
     let spread: Matrix3<f64> = vertices.iter().map(|v| (v - mean) * (v - mean).transpose()).sum();
@@ -147,13 +149,13 @@ fn boxed(vertices: &[Vector3<f64>]) -> (Isometry3<f64>, Vector3<f64>) {
     if size(&two[0]) <= size(&two[1]) { two[0] } else { two[1] }
 }
 
-/// What room a convex hull has: how far it goes in many directions.
+/// Room inside a convex hull: its support in many directions.
 struct Room(Vec<(Vector3<f64>, f64)>);
 
 /// Directions, and stations along a capsule.
 const DIRECTIONS: usize = 200;
 const STATIONS: usize = 11;
-/// Share of a row's largest radius below which it ends, and of a box's below which there is no row.
+/// Share of a row's largest radius below which the row ends, and of a box's below which there is no row.
 const LEFT: f64 = 0.6;
 const THERE: f64 = 0.3;
 
@@ -168,12 +170,12 @@ impl Room {
         (!vertices.is_empty()).then(|| Self((0..DIRECTIONS).map(direction).map(far).collect()))
     }
 
-    /// Radius of the ball about a place for which there is room.
+    /// Radius of the largest ball about a point that fits inside.
     fn at(&self, place: &Vector3<f64>) -> f64 {
         self.0.iter().map(|(n, far)| far - n.dot(place)).fold(f64::INFINITY, f64::min)
     }
 
-    /// What of a capsule there is room for, but for ends that are a little too thick.
+    /// The part of a capsule that fits, except for ends that are slightly too thick.
     fn fit(&self, bar: &Capsule) -> Option<Capsule> {
         let station = |k: usize| 2.0 * k as f64 / (STATIONS - 1) as f64 - 1.0;
         let room: Vec<f64> = (0..STATIONS).map(|k| self.at(&(bar.middle + bar.half * station(k))).min(bar.radius)).collect();

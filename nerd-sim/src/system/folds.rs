@@ -1,7 +1,7 @@
-//! Which links of a robot may touch each other, and with what (`self_collision`).
+//! Self-collision: which links of a robot may touch each other, and with which contact law (`self_collision`).
 //!
-//! Left out are a link with the one that it hangs on, where links without shapes do not count, and what touches in the default pose: there
-//! shapes of a file overlap by design.
+//! Excluded are a link with its parent (links without shapes are skipped), and pairs that touch in the default pose: their shapes overlap
+//! by design. If a file says which of its geoms meet, this replaces the first rule.
 
 use std::ops::Range;
 
@@ -9,46 +9,65 @@ use nerd_core::robot::Hull;
 
 use super::capsules::{Capsule, rounded};
 use crate::internal::*;
+use crate::scene::{PairLaw, Surfaces};
 
-/// What is nearer than this in the default pose touches there (m).
+/// Parts nearer than this in the default pose touch there (m).
 const TOUCHING: f64 = 1e-3;
 
-/// What of a robot may touch itself. Nothing, by default.
+/// The parts of a robot that may touch each other. None by default.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Folds {
     pub(crate) capsules: Vec<Capsule>,
-    /// By link, which of them are its own.
+    /// Parts: a link, or its geoms with one surface of the file.
+    pub(crate) links: Vec<usize>,
+    /// By part, the range of its capsules.
     pub(crate) own: Vec<Range<usize>>,
-    /// By link, centre (m, link frame) and radius (m) of a ball about them.
+    /// By part, centre (m, link frame) and radius (m) of a ball about them.
     pub(crate) balls: Vec<(Vector3<f64>, f64)>,
+    /// Pairs of parts.
     pub(crate) pairs: Vec<[usize; 2]>,
+    /// By pair, the file's contact law, if it has one.
+    pub(crate) laws: Vec<Option<PairLaw>>,
 }
 
 impl Folds {
-    /// Those of a robot with these meshes, in a pose in which what touches is left out; and a line about it.
-    pub(crate) fn new(robot: &Robot, meshes: &[Hull], q: &[f64]) -> (Self, String) {
-        let (mut capsules, mut own, mut off) = (Vec::new(), Vec::new(), 0.0f64);
-        for link in 0..robot.links.len() {
-            let first = capsules.len();
-            let (mine, points) = of(robot, meshes, link);
+    /// The pairs of a robot with these meshes and surfaces, except those that touch in pose `q`; and a note about them.
+    pub(crate) fn new(robot: &Robot, meshes: &[Hull], surfaces: &Surfaces, q: &[f64]) -> (Self, String) {
+        let (mut folds, mut of_file, mut off) = (Self::default(), Vec::new(), 0.0f64);
+        for (link, surface) in
+            (0..robot.links.len()).flat_map(|link| parts(robot, meshes, surfaces, link).into_iter().map(move |s| (link, s)))
+        {
+            let first = folds.capsules.len();
+            let (mine, points) = of(robot, meshes, link, surface);
             off = off.max(if mine.is_empty() { 0.0 } else { rounded(&points, &mine) });
-            capsules.extend(mine);
-            own.push(first..capsules.len());
+            folds.capsules.extend(mine);
+            folds.own.push(first..folds.capsules.len());
+            folds.links.push(link);
+            of_file.push(surface);
         }
-        let balls = own.iter().map(|own| ball(&capsules[own.clone()])).collect();
-        let mut folds = Self { capsules, own, balls, pairs: Vec::new() };
+        folds.balls = folds.own.iter().map(|own| ball(&folds.capsules[own.clone()])).collect();
         let mut data = Data::new(robot);
         kinematics(robot, q, &mut data);
-        let solid: Vec<usize> = (0..robot.links.len()).filter(|i| !folds.own[*i].is_empty()).collect();
-        let above = |i: usize| std::iter::successors(robot.links[i].parent, |p| robot.links[*p].parent).find(|p| !folds.own[*p].is_empty());
+        let solid: Vec<usize> = (0..folds.own.len()).filter(|i| !folds.own[*i].is_empty()).collect();
+        let bodied = |link: usize| solid.iter().any(|i| folds.links[*i] == link);
+        let above = |i: usize| std::iter::successors(robot.links[i].parent, |p| robot.links[*p].parent).find(|p| bodied(*p));
+        // `None`: they never meet.
+        let law = |[a, b]: [usize; 2]| match (of_file[a], of_file[b]) {
+            (Some(a), Some(b)) => surfaces.between(a, b).copied().map(Some),
+            _ => (folds.links[a] != folds.links[b] && above(folds.links[b]) != Some(folds.links[a])).then_some(None),
+        };
         let pairs = solid.iter().flat_map(|b| solid.iter().take_while(move |a| *a < b).map(move |a| [*a, *b]));
-        let apart = pairs.filter(|[a, b]| above(*b) != Some(*a));
-        let (touch, pairs): (Vec<_>, Vec<_>) = apart.partition(|pair| folds.gap(pair, &data) < TOUCHING);
-        folds.pairs = pairs;
+        let apart = pairs.filter_map(|pair| Some((pair, law(pair)?)));
+        let (touch, pairs): (Vec<_>, Vec<_>) = apart.partition(|(pair, _)| folds.gap(pair, &data) < TOUCHING);
+        let mut touch: Vec<_> = touch.iter().map(|(pair, _)| pair.map(|part| folds.links[part])).collect();
+        touch.dedup();
+        (folds.pairs, folds.laws) = pairs.into_iter().unzip();
         let named = touch.iter().map(|[a, b]| format!("{} - {}", robot.links[*a].name, robot.links[*b].name)).collect::<Vec<_>>();
         let without =
             if named.is_empty() { String::new() } else { format!("; not of those that touch in the default pose: {}", named.join(", ")) };
-        let note = match folds.pairs.len() {
+        let mut met: Vec<_> = folds.pairs.iter().map(|pair| pair.map(|part| folds.links[part])).collect();
+        met.dedup();
+        let note = match met.len() {
             0 => format!("self_collision: it has no two links that could touch{without}"),
             n => format!(
                 "self_collision of {n} pairs of links, as {} capsules, beyond which corners go by {:.1} mm at most{without}",
@@ -63,13 +82,14 @@ impl Folds {
         self.pairs.is_empty()
     }
 
-    /// The capsules of a link, in the axes of `data`.
+    /// The capsules of a part, in the axes of `data`.
     #[inline]
-    pub(crate) fn placed<'a>(&'a self, link: usize, data: &'a Data) -> impl Iterator<Item = Capsule> + Clone + 'a {
-        self.capsules[self.own[link].clone()].iter().map(move |c| c.moved(&data.rotation[link], &data.position[link]))
+    pub(crate) fn placed<'a>(&'a self, part: usize, data: &'a Data) -> impl Iterator<Item = Capsule> + Clone + 'a {
+        let link = self.links[part];
+        self.capsules[self.own[part].clone()].iter().map(move |c| c.moved(&data.rotation[link], &data.position[link]))
     }
 
-    /// How far two links are apart (m).
+    /// Distance of two parts (m).
     fn gap(&self, [a, b]: &[usize; 2], data: &Data) -> f64 {
         let gaps = self.placed(*a, data).flat_map(|one| self.placed(*b, data).map(move |other| one.meets(&other).gap));
         gaps.fold(f64::INFINITY, f64::min)
@@ -86,22 +106,42 @@ impl Folds {
     }
 }
 
-/// A link's capsules: of its shapes and meshes, or else of the hulls among its contact points; and what of it they should cover.
-fn of(robot: &Robot, meshes: &[Hull], link: usize) -> (Vec<Capsule>, Vec<ContactPoint>) {
-    let shapes = &robot.links[link].shapes;
-    let mut capsules: Vec<_> = shapes.iter().flat_map(Capsule::of_shape).collect();
-    let mut points: Vec<_> = shapes.iter().flat_map(|shape| shape.contact_points(link)).collect();
-    let meshes = meshes.iter().filter(|mesh| mesh.link == link).map(|mesh| &mesh.vertices);
-    let hulls = robot.contact_points.iter().filter(|p| p.link == link).filter_map(|p| match &p.locus {
+/// The parts of a link, by surfaces: those that meet a part of another link. One part if the file makes no difference.
+fn parts(robot: &Robot, meshes: &[Hull], surfaces: &Surfaces, link: usize) -> Vec<Option<usize>> {
+    if surfaces.is_empty() {
+        return vec![None];
+    }
+    let of = |link: usize| {
+        let hulls = meshes.iter().filter(move |mesh| mesh.link == link).map(|mesh| mesh.surface);
+        robot.links[link].shapes.iter().map(|shape| shape.surface).chain(hulls)
+    };
+    let mut own: Vec<_> = of(link).collect();
+    own.sort_unstable();
+    own.dedup();
+    let meets = |own: usize| {
+        (0..robot.links.len()).filter(|other| *other != link).flat_map(of).any(|o| o.is_none_or(|o| surfaces.between(own, o).is_some()))
+    };
+    own.retain(|own| own.is_none_or(meets));
+    own
+}
+
+/// The capsules of a part: of its shapes and meshes, or else of the hulls among its contact points; and the points that they should cover.
+fn of(robot: &Robot, meshes: &[Hull], link: usize, surface: Option<usize>) -> (Vec<Capsule>, Vec<ContactPoint>) {
+    let shapes = || robot.links[link].shapes.iter().filter(|shape| surface.is_none() || shape.surface == surface);
+    let mut capsules: Vec<_> = shapes().flat_map(Capsule::of_shape).collect();
+    let mut points: Vec<_> = shapes().flat_map(|shape| shape.contact_points(link)).collect();
+    let own = |mesh: &&Hull| mesh.link == link && (surface.is_none() || mesh.surface == surface);
+    let meshes = meshes.iter().filter(own).map(|mesh| &mesh.vertices);
+    let hulls = robot.contact_points.iter().filter(|p| p.link == link && surface.is_none()).filter_map(|p| match &p.locus {
         Locus::Hull { vertices, .. } => Some(vertices),
         _ => None,
     });
-    let meshes: Vec<_> = if shapes.is_empty() && meshes.clone().next().is_none() { hulls.collect() } else { meshes.collect() };
+    let meshes: Vec<_> = if shapes().next().is_none() && meshes.clone().next().is_none() { hulls.collect() } else { meshes.collect() };
     for vertices in meshes {
         capsules.extend(Capsule::of_hull(vertices));
         points.push(ContactPoint::hull(link, vertices.clone(), 0.0));
     }
-    // A ball at the end of a capsule adds nothing to it.
+    // A ball at the end of a capsule is redundant.
     let needless = |k: &usize| {
         (0..capsules.len()).any(|o| o != *k && capsules[*k].within(&capsules[o]) && (o < *k || !capsules[o].within(&capsules[*k])))
     };

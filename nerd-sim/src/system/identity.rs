@@ -8,8 +8,9 @@ use sha2::{Digest, Sha256};
 
 use super::motors::Motors;
 use crate::internal::*;
+use crate::scene::PairLaw;
 
-/// Keys of a specification on which no data depends, or that [`System::robot_sha256`] has looked at by what they lead to.
+/// Keys of a specification on which no data depends, or whose effects [`System::robot_sha256`] covers.
 const ELSEWHERE: [&str; 14] = [
     "urdf",
     "truth",
@@ -28,18 +29,18 @@ const ELSEWHERE: [&str; 14] = [
 ];
 
 impl System {
-    /// Hash of all that its motion under given torques depends on: links, joints, inertias, what touches and its material,
-    /// base, frame, gravity, and its substeps. Lower-case hex.
+    /// Hash of everything on which its motion under given torques depends: links, joints, inertias, contact shapes and material, base,
+    /// frame, gravity, and its substeps. Lower-case hex.
     pub fn robot_sha256(&self) -> String {
         sha256(&self.motion())
     }
 
-    /// Hash of [`System::robot_sha256`] and all else that data depends on: how the robot is started, driven and controlled,
-    /// and its scenes. Lower-case hex.
+    /// Hash of [`System::robot_sha256`] and everything else on which data depends: the robot's starts, drives and control, and its scenes.
+    /// Lower-case hex.
     pub fn sha256(&self) -> String {
         let mut spec = json!(self.spec);
         if let Some(keys) = spec.as_object_mut() {
-            // What came later is left out where it says nothing: a robot without it has the hash it always had.
+            // Later keys are omitted where they have no effect, so that a robot without them keeps its hash.
             let silent = |key: &str, value: &Value| value.is_null() && ["random_pegs", "smooth", "vary"].contains(&key);
             keys.retain(|key, value| !ELSEWHERE.contains(&key.as_str()) && !silent(key, value));
             keys.get_mut("vary").and_then(Value::as_object_mut).into_iter().for_each(|vary| vary.retain(|_, range| !range.is_null()));
@@ -54,7 +55,7 @@ impl System {
     fn motion(&self) -> Value {
         let (robot, spec) = (&self.robot, &self.spec);
         let touching = |i: usize| robot.contact_points.iter().any(|p| p.link == i);
-        let points = robot.contact_points.iter().map(|p| match &p.locus {
+        let point = |p: &ContactPoint| match &p.locus {
             Locus::Fixed => json!([p.link, p.local.as_slice(), p.radius, p.thickness]),
             Locus::Rim { axis, radius, turn } => {
                 json!([p.link, p.local.as_slice(), p.radius, p.thickness, axis.as_slice(), radius, turn])
@@ -62,7 +63,8 @@ impl System {
             Locus::Hull { vertices, .. } => {
                 json!([p.link, vertices.iter().map(|v| v.as_slice()).collect::<Vec<_>>(), p.radius, p.thickness])
             }
-        });
+        };
+        let points = robot.contact_points.iter().map(|p| on(point(p), p.surface));
         let mut value = json!({
             "base": match &robot.base {
                 Base::Fixed(at) => json!(pose(at)),
@@ -73,14 +75,26 @@ impl System {
             "mass_matrix_of": self.stand_ins,
             "frame_time": self.frame_time,
             "gravity": spec.gravity,
-            // Of what touches nothing no material is asked.
+            // Without contact the material has no effect.
             "material": (!robot.contact_points.is_empty() || !self.folds.is_empty()).then_some(spec.material),
             "substeps": spec.substeps,
             "refresh": spec.refresh,
         });
         if !self.folds.is_empty() {
             let capsules = self.folds.capsules.iter().map(|c| json!([c.middle.as_slice(), c.half.as_slice(), c.radius]));
-            value["self_collision"] = json!([capsules.collect::<Vec<_>>(), self.folds.own, self.folds.pairs]);
+            let mut folds = vec![json!(capsules.collect::<Vec<_>>()), json!(self.folds.own), json!(self.folds.pairs)];
+            if !self.surfaces.is_empty() {
+                let laws = self.folds.laws.iter().map(|law| law.as_ref().map(PairLaw::numbers));
+                folds.push(json!([self.folds.links, laws.collect::<Vec<_>>()]));
+            }
+            value["self_collision"] = json!(folds);
+        }
+        if !self.surfaces.is_empty() {
+            let laws = self.robot.contact_points.iter().map(|p| p.surface.map(|own| self.surfaces.row(own)));
+            value["surfaces"] = json!([laws.collect::<Vec<_>>(), self.one_friction]);
+        }
+        if robot.free.damping != 0.0 {
+            value["damping"] = json!(robot.free.damping);
         }
         if !self.motors.ideal() {
             let Motors { delay, strength, zeros, ripple, lines, .. } = &self.motors;
@@ -97,14 +111,18 @@ impl System {
 fn link(link: &Link, touching: bool) -> Value {
     let body = &link.inertia;
     let shapes = link.shapes.iter().filter(|_| touching).map(shape);
-    json!({
+    let mut value = json!({
         "parent": link.parent,
         "joint": link.joint.as_ref().map(joint),
         "mass": body.mass,
         "com": body.com.as_slice(),
         "inertia": body.inertia.as_slice(),
         "shapes": shapes.collect::<Vec<_>>(),
-    })
+    });
+    if link.lifted.mass != 0.0 {
+        value["lifted"] = json!([link.lifted.mass, link.lifted.at.as_slice()]);
+    }
+    value
 }
 
 fn joint(joint: &Joint) -> Value {
@@ -117,7 +135,7 @@ fn joint(joint: &Joint) -> Value {
         "friction": joint.friction,
         "armature": joint.armature,
     });
-    // Said only where there is something to say: what moves as it always did has the hash it always had.
+    // Omitted where it has no effect, so that older robots keep their hash.
     if joint.stiffness > 0.0 {
         value["spring"] = json!([joint.stiffness, joint.rest]);
     }
@@ -134,7 +152,15 @@ fn shape(shape: &Shape) -> Value {
         ShapeKind::Cylinder { radius, half_length } => ("cylinder", vec![radius, half_length]),
         ShapeKind::Capsule { radius, half_length } => ("capsule", vec![radius, half_length]),
     };
-    json!([kind, sizes, pose(&shape.pose)])
+    on(json!([kind, sizes, pose(&shape.pose)]), shape.surface)
+}
+
+/// A contact shape, with its surface where the file has several.
+fn on(mut solid: Value, surface: Option<usize>) -> Value {
+    if let (Value::Array(solid), Some(surface)) = (&mut solid, surface) {
+        solid.push(json!(surface));
+    }
+    solid
 }
 
 fn pose(pose: &nalgebra::Isometry3<f64>) -> [Vec<f64>; 2] {

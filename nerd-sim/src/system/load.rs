@@ -3,10 +3,9 @@
 use toml::Table;
 
 use super::built_in::{BUILT_IN, CABLES, FAMILIES, FOREIGN};
-#[cfg(feature = "meshes")]
-use super::derive::touch;
-use super::derive::{derived, floats, plain};
-use super::{build::name_columns, cable::CableSpec, model::Source, spec::mesh_points, validate::check};
+use super::derive::{Ground, derived, floats, plain, touch};
+use super::start::{DRAWS, overlaps};
+use super::{build::name_columns, cable::CableSpec, model::Source, spec::mesh_points, validate::check, world::World};
 use crate::{files::read_text, internal::*, system::mjcf::Description};
 
 impl System {
@@ -33,7 +32,7 @@ impl System {
             SystemError::Urdf(_, reason) => SystemError::Urdf(name.into(), reason),
             other => other,
         })?;
-        // A file that says it is of another one would be believed.
+        // A specification that names another file's robot would be applied to this one.
         match &system.spec.urdf {
             Some(urdf) if path.file_name().is_none_or(|file| file != urdf.as_str()) => {
                 let text = format!("urdf = {urdf:?}, but {name} is what is read; write its name, or leave the line out");
@@ -43,16 +42,16 @@ impl System {
         }
     }
 
-    /// From the text of a URDF or MJCF and of a specification; without one, see [`System::bare`], with the base that the file has, else a
-    /// fixed one. Here no file is known, and `urdf` in the specification means nothing.
+    /// From the text of a URDF or MJCF and of a specification; without one, see [`System::bare`], with the base of the file, else a fixed
+    /// one. No file is known here, and `urdf` in the specification has no effect.
     pub fn from_text(name: &str, urdf: &str, spec: Option<&str>) -> Result<Self, SystemError> {
         Self::read(name, urdf, spec, None)
     }
 
-    /// `path` is the robot's file, from which its meshes are found.
+    /// `path` is the robot's file, relative to which its meshes are found.
     fn read(name: &str, text: &str, spec: Option<&str>, path: Option<&Path>) -> Result<Self, SystemError> {
         let file = Description::of(text, path).map_err(|e| SystemError::Urdf(name.into(), e))?;
-        let own = (file.urdf.as_ref().into(), path.map(Path::to_path_buf));
+        let own = (file.bodies.clone().into(), path.map(Path::to_path_buf));
         Ok(Self { file: own, ..Self::of(name, file, spec, path)? })
     }
 
@@ -76,24 +75,25 @@ impl System {
         };
         let spec = Spec::read(text).map_err(|e| wrong(whole(e)))?;
         file.stands(spec.floating).map_err(refused)?;
-        let mut read = UrdfRobot::read(&file.urdf, base(spec.floating)).map_err(refused)?;
-        read.notes.extend(file.notes);
+        let mut read = UrdfRobot::of(&file.bodies, base(spec.floating)).map_err(refused)?;
+        read.notes.extend(file.notes.iter().cloned());
         touch(&mut read, path, spec.mesh_points);
-        Self::new(name, read, spec, Source::Specified)
+        let world = World::of(&file, path, &mut read.notes);
+        Self::new(name, read, world, spec, Source::Specified)
     }
 
-    /// From a robot's file, with what its numbers suggest (`derive.rs`) where `own`, keys of a specification, is silent.
+    /// From a robot's file; keys missing in `own`, a partial specification, are derived from its numbers (`derive.rs`).
     fn derived(name: &str, file: Description, path: Option<&Path>, own: Table) -> Result<Self, SystemError> {
         let points = own.get("mesh_points").and_then(toml::Value::as_integer).map_or(mesh_points(), |n| n.max(0) as usize);
         let read = |floating| -> Result<UrdfRobot, UrdfError> {
             file.stands(floating)?;
-            let mut read = UrdfRobot::read_alone(&file.urdf, base(floating))?;
+            let mut read = UrdfRobot::of_alone(&file.bodies, base(floating))?;
             touch(&mut read, path, points);
             Ok(read)
         };
         let read = match own.get("floating").and_then(toml::Value::as_bool).or(file.floating()) {
             Some(floating) => read(floating),
-            // Where one base cannot be had, the other is what the file asks for.
+            // If the one base is impossible, the file requires the other.
             None => match read(true) {
                 Ok(free) if floats(&free.robot) => Ok(free),
                 Ok(free) => Ok(read(false).unwrap_or(free)),
@@ -121,17 +121,35 @@ impl System {
         for joint in keys.get_mut("joint").and_then(toml::Value::as_array_mut).into_iter().flatten().filter_map(toml::Value::as_table_mut) {
             joint.remove("default");
         }
-        let spec = derived(&mut read, path, &file, &defaults, !own.contains_key("contact")).over(keys);
-        let its_own = own.contains_key("data_scene");
+        let world = World::of(&file, path, &mut read.notes);
+        let ground = Ground::of(&own, &file, (&world.colliders, &world.surfaces));
+        let spec = derived(&mut read, path, &file, &ground, &defaults, !own.contains_key("contact")).over(keys);
+        let [silent, its_own, rooted] = [own.is_empty(), own.contains_key("data_scene"), own.contains_key("root")];
         let mut spec = spec.and_then(|spec| spec.over(own)).map_err(|e| SystemError::spec(name, e))?;
-        let made = Self::new(name, read.clone(), spec.clone(), Source::Derived);
-        if made.is_ok() || its_own || file.floating() != Some(false) || spec.data_scene.is_none() {
-            return made;
-        }
-        // A robot that slides on the ground of its file is never clear of it.
-        read.notes.push("the ground of its file is no scene of its data, since no start is clear of it".into());
-        spec.data_scene = None;
-        Self::new(name, read, spec, Source::Derived)
+        let made = match Self::new(name, read.clone(), world.clone(), spec.clone(), Source::Derived) {
+            // A robot that slides on its file's ground is never clear of it.
+            Err(SystemError::Blocked(..)) if !its_own && file.floating() == Some(false) => {
+                read.notes.push("the ground of its file is no scene of its data, since no start is clear of it".into());
+                spec.data_scene = None;
+                Self::new(name, read, world, spec, Source::Derived)
+            }
+            made => made,
+        };
+        let made = made.map(|mut system| {
+            system.notes.extend(overlaps(&system));
+            system
+        });
+        // Derived keys were not written by a user.
+        made.map_err(|error| match error {
+            SystemError::Blocked(robot, _, scene, _) if !rooted => SystemError::Blocked(
+                robot,
+                format!("{DRAWS} starts above the ground"),
+                scene,
+                "say where it starts by `position`, `sample` and `reset` of [root] in a .toml beside it, under `like = \"urdf\"`".into(),
+            ),
+            SystemError::Spec(robot, text) if silent => SystemError::Urdf(robot, UrdfError::Refused(spoken(&text))),
+            other => other,
+        })
     }
 
     /// From the text of a URDF or MJCF alone: gravity along -z where the file has none, 1/60 s, no torque.
@@ -139,14 +157,14 @@ impl System {
         Self::bare_at(name, text, floating, None)
     }
 
-    /// The same, its meshes found from where the file is.
+    /// The same, with meshes found relative to the file.
     pub fn bare_at(name: &str, text: &str, floating: bool, path: Option<&Path>) -> Result<Self, SystemError> {
         let file = Description::of(text, path).map_err(|e| SystemError::Urdf(name.into(), e))?;
         Self::moving(name, &file, floating, path)
     }
 
     fn moving(name: &str, file: &Description, floating: bool, path: Option<&Path>) -> Result<Self, SystemError> {
-        let read = file.stands(floating).and_then(|()| UrdfRobot::read_alone(&file.urdf, base(floating)));
+        let read = file.stands(floating).and_then(|()| UrdfRobot::of_alone(&file.bodies, base(floating)));
         let mut read = read.map_err(|e| SystemError::Urdf(name.into(), e))?;
         let mut keys = file.keys_of(&read.robot);
         keys.remove("data_scene");
@@ -154,10 +172,11 @@ impl System {
         read.notes.extend(file.notes.iter().cloned());
         read.base.clear();
         touch(&mut read, path, spec.mesh_points);
-        Self::new(name, read, spec, Source::Derived)
+        let world = World::of(file, path, &mut read.notes);
+        Self::new(name, read, world, spec, Source::Derived)
     }
 
-    /// A cable, from the text of its specification: `[cable]`, and whatever else it says of it.
+    /// A cable, from the text of its specification: `[cable]` and other keys.
     pub fn from_toml(name: &str, text: &str) -> Result<Self, SystemError> {
         let wrong = |e: String| SystemError::spec(name, e);
         let mut own: Table = toml::from_str(text).map_err(|e| wrong(e.to_string()))?;
@@ -176,8 +195,15 @@ impl System {
         let spec = cable.spec(&robot);
         bounded(&robot, &spec).map_err(wrong)?;
         let spec = spec.over(own).map_err(wrong)?;
-        Self::new(name, robot, spec, Source::Cable)
+        Self::new(name, robot, World::default(), spec, Source::Cable)
     }
+}
+
+/// An error in a derived specification, in terms of the robot's file.
+fn spoken(text: &str) -> String {
+    let joint = text.strip_prefix("[[joint]] name = \"").and_then(|rest| rest.split_once("\": "));
+    let what = joint.map_or_else(|| text.into(), |(name, what)| format!("joint `{name}`: {what}"));
+    format!("what its file makes of it cannot be simulated: {what}")
 }
 
 /// Whether a specification says that nothing of the robot touches.
@@ -189,11 +215,7 @@ fn base(floating: bool) -> Base {
     if floating { Base::Floating } else { Base::fixed() }
 }
 
-/// Without the feature no mesh is read.
-#[cfg(not(feature = "meshes"))]
-fn touch(_: &mut UrdfRobot, _: Option<&Path>, _: usize) {}
-
-/// Refuses numbers of a cable of which each is in its range, and what they make together is not.
+/// Refuses a cable whose numbers are each within range, but whose results are not.
 fn bounded(robot: &Robot, spec: &Spec) -> Result<(), String> {
     let mut spec = spec.clone();
     name_columns(robot, &mut spec);

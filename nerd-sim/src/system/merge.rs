@@ -1,7 +1,7 @@
-//! Keys of one file over those of another, so that a specification only needs what differs.
+//! Merges the keys of one file over those in another, so that a specification needs only the differences.
 //!
-//! `like = "ant"` takes missing keys from a built-in robot's file: `ant-paper`, the Ant of the reference simulator, is a few lines.
-//! `like = "urdf"` takes them from what the URDF suggests, see `derive.rs`, and a cable's from what it is made of.
+//! `like = "ant"` takes missing keys from a built-in robot's file: `ant-paper`, the Ant of the reference simulator, is a few lines. `like =
+//! "urdf"` derives them from the URDF, see `derive.rs`, and a cable's from its data sheet.
 
 use toml::Table;
 
@@ -14,7 +14,7 @@ impl Spec {
         Self::deserialize(table).map_err(|e| e.to_string())
     }
 
-    /// The keys of a file that is like its URDF, which says the rest; none if it is like no URDF.
+    /// The keys of a file with `like = "urdf"`; `None` for other files.
     pub(crate) fn like_urdf(text: &str) -> Result<Option<Table>, String> {
         let mut own: Table = toml::from_str(text).map_err(|e| e.to_string())?;
         let like = matches!(own.get("like").and_then(toml::Value::as_str), Some("urdf" | "mjcf"));
@@ -22,14 +22,15 @@ impl Spec {
         Ok(like.then_some(own))
     }
 
-    /// This one, and over it the keys of another: the material and joints, by their names, key by key, all else as a whole.
+    /// This table with the keys of another over it: the material and joints (by name) key by key, scenes by name, everything else as a
+    /// whole.
     pub(crate) fn over(self, mut own: Table) -> Result<Self, String> {
         if own.is_empty() {
             return Ok(self);
         }
         let mut all = Table::try_from(&self).map_err(|e| e.to_string())?;
         displace(&mut all, &own)?;
-        let name = |joint: &toml::Value| joint.get("name").and_then(toml::Value::as_str).map(str::to_string);
+        let name = |entry: &toml::Value| entry.get("name").and_then(toml::Value::as_str).map(str::to_string);
         if own.get("joint").is_some_and(|joints| !joints.is_array()) {
             return Err("joint: a list is needed, write [[joint]] before each".into());
         }
@@ -43,7 +44,7 @@ impl Spec {
             for joint in given {
                 match (joints.iter_mut().find(|known| name(known) == name(&joint)), joint) {
                     (Some(toml::Value::Table(known)), toml::Value::Table(given)) => {
-                        // A gain that is the torque follows it.
+                        // A gain equal to the torque follows it.
                         if given.contains_key("torque") && known.get("gain") == known.get("torque") {
                             known.remove("gain");
                         }
@@ -61,12 +62,17 @@ impl Spec {
         if let (Some(toml::Value::Table(known)), Some(toml::Value::Table(given))) = (all.get_mut("material"), own.get_mut("material")) {
             known.iter().for_each(|(key, value)| _ = given.entry(key).or_insert(value.clone()));
         }
+        if let (Some(toml::Value::Array(known)), Some(toml::Value::Array(given))) = (all.get("scene"), own.get_mut("scene")) {
+            let others = known.iter().filter(|scene| given.iter().all(|own| name(own) != name(scene))).cloned();
+            let others: Vec<_> = others.collect();
+            given.splice(..0, others);
+        }
         all.extend(own);
         Self::deserialize(all).map_err(|e| e.to_string())
     }
 }
 
-/// A file that is like a built-in robot's, with the keys that it leaves out; none if it is like no other.
+/// A file like a built-in robot's, with the missing keys filled in; `None` if it is like no other.
 fn merged(text: &str) -> Result<Option<Table>, String> {
     let mut own: Table = toml::from_str(text).map_err(|e| e.to_string())?;
     let Some(like) = own.remove("like") else { return Ok(None) };
@@ -78,15 +84,15 @@ fn merged(text: &str) -> Result<Option<Table>, String> {
         Some(all) => all,
         None => toml::from_str(other).map_err(|e| e.to_string())?,
     };
-    // The other's URDF is its own.
+    // The other robot's URDF key is not inherited.
     all.remove("urdf");
     displace(&mut all, &own)?;
     all.extend(own);
     Ok(Some(all))
 }
 
-/// Where data is recorded is one thing: who says a scene of it wants no random plane, and the other way round. Without a scene, nothing is
-/// left that starts could be clear of.
+/// The scene of the data is one setting: a file that sets a scene removes a random plane, and the other way round. Without a scene, the
+/// clearance of starts is removed.
 fn displace(all: &mut Table, own: &Table) -> Result<(), String> {
     match [own.contains_key("data_scene"), own.contains_key("random_plane")] {
         [true, true] => return Err("random_plane and data_scene are two grounds for the training data; leave one of the two out".into()),
@@ -101,7 +107,7 @@ fn displace(all: &mut Table, own: &Table) -> Result<(), String> {
     Ok(())
 }
 
-/// No joint has this name. Of a long chain the first ones and the last are listed.
+/// No joint has this name. For a long chain the first names and the last are listed.
 fn no_joint(name: &str, known: &[String]) -> String {
     let known = match known {
         [first @ .., last] if first.len() > 20 => format!("{}, .., {last}", first[..10].join(", ")),

@@ -1,4 +1,4 @@
-//! A system: a robot and what its URDF cannot say, from names, files or texts.
+//! A system: a robot and its specification (what a URDF leaves open), from names, files or texts.
 
 mod build;
 mod built_in;
@@ -8,7 +8,9 @@ mod derive;
 pub(crate) mod folds;
 mod identity;
 mod load;
+mod meet;
 mod merge;
+pub(crate) mod mesh;
 pub(crate) mod mjcf;
 mod model;
 pub(crate) mod motors;
@@ -18,10 +20,14 @@ pub(crate) mod truth;
 mod validate;
 pub(crate) mod vary;
 mod visuals;
+mod world;
 
+pub use crate::scene::GROUND;
 pub(crate) use derive::stiffness;
+pub use meet::contacts;
 pub use model::{Source, System, SystemError, TERRAIN};
 pub use spec::*;
 pub use start::Start;
 pub(crate) use validate::MOST_SUBSTEPS;
 pub use visuals::{Geometry, Visual};
+pub(crate) use world::inverse_weights;

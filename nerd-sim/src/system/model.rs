@@ -1,6 +1,6 @@
 //! A system: a robot model together with its specification, built in or from files.
 
-use nerd_core::robot::MeshFile;
+use nerd_core::robot::{Bodies, MeshFile};
 use toml::Table;
 
 use super::built_in::{BUILT_IN, CABLES, FAMILIES, FOREIGN};
@@ -8,7 +8,7 @@ use super::derive::rotor;
 use super::validate::check;
 use super::{folds::Folds, motors::Motors, spec::JointSpec};
 use crate::internal::*;
-use crate::scene::{PlaneSpec, SceneSpec, TerrainSpec, WORLDS, described, world};
+use crate::scene::{GROUND, PlaneSpec, SceneSpec, Surfaces, TerrainSpec, WORLDS, described, world};
 
 /// The scene that [`System::with_terrain`] adds.
 pub const TERRAIN: &str = "terrain";
@@ -32,10 +32,13 @@ pub enum SystemError {
     /// The specification is wrong.
     #[error("specification of robot `{0}`: {1}")]
     Spec(String, String),
+    /// No start was found that is clear of the data's scene. Fields: the robot, the number and kind of starts, the scene, the advice.
+    #[error("robot `{0}`: none of its {1} is clear of scene `{2}`: {3}")]
+    Blocked(String, String, String, String),
 }
 
 impl SystemError {
-    /// What is wrong with a specification, in one line.
+    /// An error in a specification, in one line.
     pub(crate) fn spec(name: &str, text: impl ToString) -> Self {
         Self::Spec(name.into(), text.to_string().trim().replace('\n', " "))
     }
@@ -44,7 +47,7 @@ impl SystemError {
 /// Where a system comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
-    /// A robot whose specification was made up of its numbers.
+    /// A robot whose specification was derived from its numbers.
     Derived,
     /// A robot with a specification of its own.
     Specified,
@@ -53,17 +56,17 @@ pub enum Source {
 }
 
 impl Source {
-    /// Where starts come from, of a system with a `[root]` or without, and what lifts them out of the ground.
+    /// The source of starts, for a system with a `[root]` or without, and the setting that lifts them out of the ground.
     pub(crate) fn starts(self, rooted: bool, which: &str) -> [String; 2] {
         let raise = "raise it along the up axis, or ask for less clearance";
         match (self, rooted) {
-            (Self::Cable, _) => [format!("[cable] at and along, and of its joints' {which} boxes,"), "change at or along".into()],
-            (_, true) => [format!("[root.{which}]"), raise.into()],
-            (_, false) => [format!("the joints' {which} boxes"), raise.into()],
+            (Self::Cable, _) => [format!("of [cable] at and along, and of its joints' {which} boxes,"), "change at or along".into()],
+            (_, true) => [format!("of [root.{which}]"), raise.into()],
+            (_, false) => [format!("of the joints' `{which}`"), "narrow them, or move the scene".into()],
         }
     }
 
-    /// Why a frame could not be stepped, with what to change where that is known.
+    /// Extends the reason why a frame could not be stepped by advice, where there is some.
     pub(crate) fn lost(self, reason: String) -> String {
         match self {
             Self::Cable => format!("{reason} (raise [cable] damping or links, or substeps)"),
@@ -83,21 +86,29 @@ pub struct System {
     pub spec: Spec,
     /// One control frame (s).
     pub frame_time: f64,
-    /// Who says so.
+    /// Origin of the specification.
     pub source: Source,
-    /// What was taken for granted of the robot, a line each.
+    /// Assumptions made about the robot, a line each.
     pub notes: Vec<String>,
-    /// Collision meshes that nothing is touched with.
+    /// Collision meshes that are not used for contact.
     pub meshes: Vec<MeshFile>,
     /// Shapes of a fixed base, in its frame, which are part of every scene but `free`.
     pub base: Vec<Shape>,
-    /// What stands between its links and who drives it.
+    /// Static objects of its file's world: its scene [`GROUND`].
+    pub world: Vec<Collider>,
+    /// Contact laws of its file's geoms.
+    pub surfaces: Arc<Surfaces>,
+    /// Largest margin of a contact between them (m).
+    pub(crate) margin: f64,
+    /// Friction of all their contacts, if it was drawn or fitted.
+    pub one_friction: Option<f64>,
+    /// Its actuators and sensors.
     pub motors: Motors,
-    /// Its URDF, or its MJCF as one, and where the file is: for [`System::visuals`].
-    pub(crate) file: (Arc<str>, Option<PathBuf>),
-    /// What was drawn of its numbers, by [`crate::vary::columns`]; empty of a robot as its files have it.
+    /// Bodies and path of its file: for [`System::visuals`].
+    pub(crate) file: (Arc<Bodies>, Option<PathBuf>),
+    /// Drawn parameters, by [`crate::vary::columns`]; empty for a robot as its files have it.
     pub drawn: Vec<f64>,
-    /// For each link, the link whose inertia moves in its place in the mass matrix; empty but for a simulator's slip imitated.
+    /// For each link, the link whose inertia replaces its own in the mass matrix; empty unless a simulator's fault is imitated.
     pub(crate) stand_ins: Vec<usize>,
     pub(crate) folds: Folds,
 }
@@ -113,12 +124,12 @@ impl System {
         FAMILIES.iter().map(|f| f.0).collect()
     }
 
-    /// Names of the cables that come with the crate. Beside [`System::built_in`], they can be named wherever a robot is.
+    /// Names of the cables that come with the crate. As [`System::built_in`], they can be used wherever a robot is named.
     pub fn cables() -> Vec<&'static str> {
         CABLES.iter().map(|c| c.0).collect()
     }
 
-    /// Specification (TOML) and URDF of a built-in robot, for robots that are made of it.
+    /// Specification (TOML) and URDF of a built-in robot, for robots based on it.
     pub fn texts(name: &str) -> Option<(&'static str, &'static str)> {
         BUILT_IN.iter().find(|b| b.0 == name).map(|b| (b.1, b.2))
     }
@@ -130,12 +141,12 @@ impl System {
         data
     }
 
-    /// Whether something acts on it that no explicit step bears: dry friction, a spring, its own links.
+    /// Whether a force acts on it that no explicit step supports: dry friction, a spring, contact of its own links.
     pub fn held(&self) -> bool {
         self.robot.dry() || self.robot.sprung() || !self.folds.is_empty()
     }
 
-    /// Whether what a policy sees of its robots has noise or is late.
+    /// Whether a policy's observations of its robots are noisy or delayed.
     pub fn sensed(&self) -> bool {
         self.noisy() || self.spec.vary.as_ref().is_some_and(|vary| vary.lag.is_some())
     }
@@ -193,24 +204,15 @@ impl System {
         state
     }
 
-    /// Energy (J) in the springs of contacts, joints and their limits at a state: `k g^2 / 2` at the depth g of each.
-    pub fn stored(&self, scene: &Scene, state: &[f64], data: &mut Data) -> f64 {
-        let (robot, mut events) = (&self.robot, Vec::new());
-        contacts(robot, scene, state, data, &mut events);
-        let touching = robot.contact_points.iter().zip(&events).filter(|(point, event)| event.distance < point.radius);
-        let pressed = touching.map(|(point, event)| {
-            let k = scene.colliders[event.collider].material.mean(&self.spec.material).stiffness;
-            0.5 * k * (event.distance - point.radius).powi(2)
-        });
-        let joints = || state[robot.root_coords()..].iter().zip(robot.joints());
-        let bent = joints().filter_map(|(q, j)| j.limit.map(|l| 0.5 * l.stiffness * (q - q.clamp(l.lower, l.upper)).powi(2)));
-        let sprung = joints().map(|(q, j)| 0.5 * j.stiffness * (q - j.rest).powi(2));
-        pressed.sum::<f64>() + bent.sum::<f64>() + sprung.sum::<f64>()
-    }
-
-    /// What the specification says of each joint, in the order of the coordinates.
+    /// The specification of each joint, in the order of the coordinates.
     pub fn joint_specs(&self) -> impl Iterator<Item = &JointSpec> {
         self.spec.joints.iter()
+    }
+
+    /// Largest torque (N m or N) of the position law at a joint: infinite without `clamp`.
+    pub fn most(&self, joint: usize) -> f64 {
+        let clamped = self.spec.control.is_some_and(|law| law.clamp);
+        self.spec.joints.get(joint).filter(|_| clamped).map_or(f64::INFINITY, |joint| joint.gain.unwrap_or(joint.torque))
     }
 
     /// Amplitude of random torques by joint (N m or N).
@@ -218,9 +220,12 @@ impl System {
         self.joint_specs().map(|j| j.torque).collect()
     }
 
-    /// The same with a rotor at each joint that has none, by what its motor can do: the guess for a joint that nothing else resists.
-    /// No URDF has rotors, and light links without them ask for short steps.
+    /// The same with a rotor at each joint without armature, sized by the joint's motor, as for a joint without any other inertia. No URDF
+    /// has rotors, and light links without them need short steps. The armatures of an MJCF are kept.
     pub fn with_rotors(mut self) -> Self {
+        if !self.surfaces.is_empty() {
+            return self;
+        }
         for (joint, spec) in self.robot.joints_mut().zip(&mut self.spec.joints).filter(|(joint, _)| joint.armature == 0.0) {
             spec.armature = rotor(joint, spec.gain);
             joint.armature = spec.armature;
@@ -228,7 +233,7 @@ impl System {
         self
     }
 
-    /// The same with frames of another time (s), or of other substeps.
+    /// The same with another frame time (s), or other substeps.
     ///
     /// # Errors
     /// If one is out of its range.
@@ -241,7 +246,7 @@ impl System {
         Ok(own)
     }
 
-    /// The same with a scene `terrain` beside its own: ground like that, and nothing on it.
+    /// The same with a further scene `terrain`: ground of this kind, and nothing on it.
     ///
     /// # Errors
     /// If a number of it is out of its range.
@@ -268,20 +273,26 @@ impl System {
     /// Names of the robot's own scenes.
     pub fn scene_names(&self) -> Vec<&str> {
         let base = (!self.base.is_empty()).then_some("base");
-        std::iter::once("free").chain(base).chain(self.spec.scenes.iter().map(|s| s.name.as_str())).collect()
+        let own = !self.world.is_empty() && self.spec.scenes.iter().all(|scene| scene.name != GROUND);
+        std::iter::once("free").chain(base).chain(own.then_some(GROUND)).chain(self.spec.scenes.iter().map(|s| s.name.as_str())).collect()
     }
 
-    /// Scenes that motion is judged in: that of the training data if it is one, else all of the robot's.
+    /// Scenes for evaluation: the training data's if it is one of the robot's, else all of the robot's.
     pub fn usual_scenes(&self) -> Vec<&str> {
         self.spec.data_scene.as_deref().map_or_else(|| self.scene_names(), |scene| vec![scene])
     }
 
-    /// A scene by name: `free` is empty space, `base` the fixed base of a robot whose file gives it shapes, then the robot's own, then [`WORLDS`] of the robot's material.
+    /// A scene by name: `free` is empty space, `base` the fixed base of a robot whose file gives it shapes, then the robot's own scenes,
+    /// then [`WORLDS`] with the robot's material.
     pub fn scene(&self, name: &str) -> Result<Arc<Scene>, SystemError> {
         let (gravity, material, touches) = (self.gravity(), self.spec.material, !self.robot.contact_points.is_empty());
         let scene = match self.spec.scenes.iter().find(|s| s.name == name) {
             Some(spec) => Some(described(spec, &gravity, material).map_err(|e| SystemError::Spec(self.name.clone(), e))?),
             None if name == "free" => return Ok(Arc::new(Scene::free(gravity))),
+            None if name == GROUND && !self.world.is_empty() => {
+                let own = |collider: &Collider| Collider { material, ..collider.clone() };
+                Some(Scene { name: name.into(), gravity, colliders: self.world.iter().map(own).collect() })
+            }
             None if name == "base" && !self.base.is_empty() => Some(Scene { name: name.into(), ..Scene::free(gravity) }),
             None => world(name, &gravity, material).filter(|_| touches),
         };

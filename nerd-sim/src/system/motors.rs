@@ -1,46 +1,46 @@
-//! Motors and sensors, between a robot's links and its controller. [`crate::rig`] steps them.
+//! The actuator and sensor model between a robot's links and its controller. [`crate::rig`] steps it.
 
-/// Frames by which torques may act late.
+/// Largest delay of torques (frames).
 pub const LATEST: f64 = 2.0;
 /// Waves of the ripple in a turn, or over a metre.
 pub(crate) const WAVES: f64 = 6.0;
 
-/// Motors and sensors of a robot's joints. What is empty is as it should be.
+/// Motors and sensors of a robot's joints. Empty lists mean ideal ones.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Motors {
-    /// Frames by which torques act late, from 0 to 2.
+    /// Delay of torques (frames), from 0 to 2.
     pub delay: f64,
     /// Factor on the torque of each joint.
     pub strength: Vec<f64>,
     /// Positions of the joints where their sensors show 0 (rad or m).
     pub zeros: Vec<f64>,
-    /// Torque (N m or N) of each joint that a frame adds, times the sine of six times the position where it begins: an effect that no
-    /// analytic solver of ours has.
+    /// Torque ripple of each joint (N m or N): a frame adds this times the sine of six times the position at its start. None of our
+    /// analytic solvers models it.
     pub ripple: Vec<f64>,
-    /// Line of torque over speed of each joint's motor, of direct current: its torque at rest (N m or N) falls to nothing at a speed (rad/s or
-    /// m/s). A frame's torque keeps below the line at the speed where it begins.
+    /// Torque-speed line of each joint's direct-current motor: its stall torque (N m or N) and its no-load speed (rad/s or m/s). A frame's
+    /// torque is bounded by the line at the speed at the frame's start.
     pub lines: Vec<[f64; 2]>,
-    /// Size of the white noise on what sensors show of each joint (rad or m): on its position, and over a frame time on its velocity. What is
-    /// recorded has it ([`crate::dataset`]) and what a policy sees ([`crate::disturb`]), nothing that is stepped.
+    /// Standard deviation of the sensors' white noise, by joint (rad or m): on the position, and divided by the frame time on the velocity.
+    /// Recordings ([`crate::dataset`]) and observations ([`crate::disturb`]) have it; stepped states do not.
     pub noise: f64,
-    /// The same of where a free root is (m), and how it is turned (rad).
+    /// The same for the position of a free root (m), and for its orientation (rad).
     pub root_noise: [f64; 2],
-    /// Frames by which what a policy sees is late.
+    /// Delay of observations (frames).
     pub lag: f64,
 }
 
 impl Motors {
-    /// Whether torques act as they are asked for and sensors show where joints are, but for noise.
+    /// Whether torques act as commanded and sensors show joint positions, apart from noise.
     pub fn ideal(&self) -> bool {
         let all = |x: &[f64], value: f64| x.iter().all(|x| *x == value);
         self.delay == 0.0 && all(&self.strength, 1.0) && all(&self.zeros, 0.0) && all(&self.ripple, 0.0) && self.lines.is_empty()
     }
 
-    /// Torques of a frame: of those asked for now, a frame ago and so on, by joint positions and velocities as they are.
+    /// Torques of a frame from the commanded ones of this frame, the last one and so on, and from true joint positions and velocities.
     pub(crate) fn act(&self, asked: &[&[f64]], positions: &[f64], velocities: &[f64], out: &mut [f64]) {
         late(self.delay, asked, out);
         for (tau, ([rest, top], qd)) in out.iter_mut().zip(self.lines.iter().zip(velocities)) {
-            // Where a speed is no number there is no torque: what is wrong with the state is said where it is stepped.
+            // A speed that is NaN gives no torque: the solver reports the state's fault.
             let share = |left: f64| if left > 0.0 { left.min(1.0) } else { 0.0 };
             let side = |sign: f64| rest * share(1.0 - sign * qd / top);
             *tau = tau.clamp(-side(-1.0), side(1.0));
@@ -51,8 +51,8 @@ impl Motors {
     }
 }
 
-/// The mean over a frame of torques that come `delay` frames late: of those asked for now, a frame ago and so on, the last of which counts
-/// for all before.
+/// Mean over a frame of torques delayed by `delay` frames; `asked` are the commanded ones of this frame, the last one and so on. The oldest
+/// stands for all before.
 pub(crate) fn late(delay: f64, asked: &[&[f64]], out: &mut [f64]) {
     let (whole, last) = (delay as usize, asked.len() - 1);
     let [now, before] = [whole, whole + 1].map(|k| asked[k.min(last)]);

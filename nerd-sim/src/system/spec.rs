@@ -1,16 +1,17 @@
-//! The TOML beside a URDF: what URDF cannot say. Unknown keys are refused here, numbers out of range in `validate.rs`. Missing keys may come
-//! from another file (`merge.rs`). Types are in the order in which [`Spec`] names them.
+//! The TOML beside a URDF: everything URDF leaves open. Unknown keys are refused here, numbers out of range in `validate.rs`. Missing keys
+//! may come from another file (`merge.rs`). Types are in the order in which [`Spec`] names them.
 
 use serde::Deserializer;
 
 use crate::range::{exactly, number};
-use crate::{internal::*, scene::SceneSpec, system::vary::VarySpec};
+use crate::scene::{SceneSpec, is_zero};
+use crate::{internal::*, system::vary::VarySpec};
 
 /// A robot's TOML file.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Spec {
-    /// Name of the URDF file, in the folder of this file [default: the name of this file, with .urdf]. Another than the one read is refused.
+    /// Name of the URDF file, in the folder of this file [default: the name of this file, with .urdf]. Any other file is refused.
     pub urdf: Option<String>,
     /// Whether the root is free.
     pub floating: bool,
@@ -43,8 +44,8 @@ pub struct Spec {
     pub data_scene: Option<String>,
     /// Random pegs in the training data, on the ground of `data_scene`.
     pub random_pegs: Option<RandomPegs>,
-    /// Time (s) from one random torque to the next, drawn once for each trajectory; in between torques follow a smooth curve [default: a new
-    /// torque every frame].
+    /// Time (s) from one random torque to the next, drawn once for each trajectory; in between torques follow a smooth curve [default: a
+    /// new torque every frame].
     pub smooth: Option<Range>,
     /// Ranges of the robot's numbers that are drawn for each trajectory; see [`crate::vary`].
     pub vary: Option<VarySpec>,
@@ -58,8 +59,7 @@ pub struct Spec {
     /// Most contact points of a link's collision meshes; 0 skips meshes.
     #[serde(default = "mesh_points")]
     pub mesh_points: usize,
-    /// Whether links of the robot touch each other. Left out are a link with the one that it hangs on, and pairs that touch in the default
-    /// pose.
+    /// Whether links of the robot touch each other. Excluded are a link with its parent, and pairs that touch in the default pose.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub self_collision: bool,
     /// Joints.
@@ -130,6 +130,10 @@ pub struct ControlSpec {
     /// Whether the law uses the state a frame ahead, which keeps stiff gains stable; see [`crate::control::Controller::torques`].
     #[serde(default)]
     pub ahead: bool,
+    /// Whether the law acts inside the frame, like a servo's own loop, if the solver has drives ([`crate::drive`]); otherwise `ahead`
+    /// applies.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub servo: bool,
     /// Makes training data with this law, under random actions and gains that are drawn every frame.
     pub data: Option<RandomGains>,
 }
@@ -156,7 +160,7 @@ pub struct RootSpec {
     pub quaternion: [f64; 4],
     /// Starts of training data.
     pub sample: RootStart,
-    /// Starts of evaluation [default: those of training data].
+    /// Starts of evaluation [default: as for training data].
     pub reset: Option<RootStart>,
 }
 
@@ -223,7 +227,8 @@ pub struct JointSpec {
 }
 
 impl JointSpec {
-    /// Most torque of its motor (N m or N): the first that is known of the torque of a unit action, the effort of the robot's file, and `kp`.
+    /// Largest torque of its motor (N m or N): the first one known of the torque of a unit action, the effort of the robot's file, and
+    /// `kp`.
     pub fn most(&self, joint: &Joint) -> f64 {
         let known = [self.gain.unwrap_or(self.torque), joint.effort, self.kp];
         known.into_iter().find(|x| *x > 0.0 && x.is_finite()).unwrap_or(1.0)
@@ -258,15 +263,15 @@ pub struct StartSpec {
 pub struct ContactSpec {
     /// Link it is fixed on.
     pub link: String,
-    /// Position in the link frame (m); of a disc its centre.
+    /// Position from the link's frame as its file has it (m); of a disc its centre.
     #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
     pub point: Option<[f64; 3]>,
-    /// Axis of a disc, link frame.
+    /// Axis of a disc, in that frame.
     #[serde(default, deserialize_with = "given", skip_serializing_if = "Option::is_none")]
     pub axis: Option<[f64; 3]>,
     /// Radius of a disc (m). It has three contact points.
     pub rim: Option<f64>,
-    /// In place of a point: vertices (m, link frame), of which the deepest touches.
+    /// In place of a point: vertices (m, in that frame); the deepest one touches.
     #[serde(default, deserialize_with = "all", skip_serializing_if = "Vec::is_empty")]
     pub vertices: Vec<[f64; 3]>,
     /// Forces begin at this distance (m) [default: 1e-5].
@@ -302,11 +307,6 @@ fn frame_time<'de, D: Deserializer<'de>>(from: D) -> Result<String, D::Error> {
         Time::Number(seconds) => seconds.to_string(),
         Time::Text(text) => text,
     })
-}
-
-/// Zero is the default, and is not written.
-fn is_zero(x: &f64) -> bool {
-    *x == 0.0
 }
 
 /// The corners of a sole or a foot.

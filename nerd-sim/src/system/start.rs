@@ -4,6 +4,7 @@ use nalgebra::Unit;
 use nerd_core::state::wrap_state;
 
 use super::spec::{RootSpec, RootStart};
+use crate::scene::GROUND;
 use crate::{internal::*, random::direction};
 
 /// Which of a system's two boxes a start is drawn from.
@@ -28,25 +29,49 @@ impl Start {
 /// Draws after which a specification is refused as too strict.
 pub(crate) const DRAWS: usize = 10_000;
 
-/// The first of [`DRAWS`] starts that is as clear of the data's scene as the specification asks; of a robot on a fixed base, that is not
-/// inside of it.
+/// Depth (m) beyond which an overlap is noted.
+const DEEP: f64 = 1e-3;
+
+/// The first of [`DRAWS`] starts that is as clear of the data's scene as the specification requires. A robot on a fixed base must not be
+/// inside of the scene, or no deeper inside its file's static objects than in its default pose.
 pub(crate) fn clear_start(system: &System, which: Start, rng: &mut impl Rng) -> Option<Vec<f64>> {
     let Some(least) = least_clearance(system, which) else { return Some(draw(system, which, rng)) };
     let scene = system.scene(system.spec.data_scene.as_ref()?).ok()?;
     let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
     (0..DRAWS).map(|_| draw(system, which, rng)).find(|state| {
-        contacts(&system.robot, &scene, state, &mut data, &mut events);
-        events.iter().all(|e| e.distance >= least)
+        contacts(system, &scene, state, &mut data, &mut events);
+        events.iter().zip(&least).all(|(e, least)| e.distance >= *least)
     })
 }
 
-/// Least distance (m) of a start from the data's scene, where one is required.
-pub(crate) fn least_clearance(system: &System, which: Start) -> Option<f64> {
-    let outside = || system.robot.contact_points.iter().map(|p| p.radius).fold(0.0, f64::max);
+/// Least distance (m) of each contact point from the data's scene at a start, where one is required.
+pub(crate) fn least_clearance(system: &System, which: Start) -> Option<Vec<f64>> {
+    let points = &system.robot.contact_points;
     match &system.spec.root {
-        Some(root) => laws(root, which).clearance,
-        None => system.spec.data_scene.as_ref().filter(|_| !system.robot.floating()).map(|_| outside()),
+        Some(root) => laws(root, which).clearance.map(|least| vec![least; points.len()]),
+        None => {
+            let name = system.spec.data_scene.as_ref().filter(|_| !system.robot.floating())?;
+            let outside = points.iter().map(|p| p.radius).fold(0.0, f64::max);
+            if name != GROUND || system.world.is_empty() {
+                return Some(vec![outside; points.len()]);
+            }
+            let scene = system.scene(name).ok()?;
+            let mut events = Vec::new();
+            contacts(system, &scene, &system.default_state(), &mut Data::new(&system.robot), &mut events);
+            Some(events.iter().map(|event| outside.min(event.distance)).collect())
+        }
     }
+}
+
+/// The overlaps of a robot on a fixed base with its file's ground in the default pose, in a line.
+pub(crate) fn overlaps(system: &System) -> Option<String> {
+    let scene = system.scene(GROUND).ok().filter(|_| !system.robot.floating())?;
+    let (mut events, robot) = (Vec::new(), &system.robot);
+    contacts(system, &scene, &system.default_state(), &mut Data::new(robot), &mut events);
+    let deep = |(event, point): (&ContactEvent, &ContactPoint)| (point.radius - event.distance, point.link);
+    let (depth, link) = events.iter().zip(&robot.contact_points).map(deep).max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let name = &robot.links[link].name;
+    (depth > DEEP).then(|| format!("`{name}` is {:.1} mm inside of what stands in its file, and is pushed out", 1e3 * depth))
 }
 
 fn laws(root: &RootSpec, which: Start) -> &RootStart {
@@ -85,7 +110,7 @@ pub(crate) fn draw(system: &System, which: Start, rng: &mut impl Rng) -> Vec<f64
     state
 }
 
-/// A root's twist about the world's origin, of its place and its velocities (angular, linear) in body axes.
+/// Writes a root's twist about the world's origin, from its position and its velocities (angular, linear) in body axes.
 pub(crate) fn write_twist(out: &mut [f64], (p, pose): (&Vector3<f64>, &UnitQuaternion<f64>), (w, v): (&Vector3<f64>, &Vector3<f64>)) {
     let w = pose * w;
     out[..3].copy_from_slice(w.as_slice());

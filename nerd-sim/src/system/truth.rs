@@ -1,36 +1,36 @@
-//! The solvers that models learn from. A model's card names its own with settings, since the same engine at other settings is another
+//! The solvers that models learn from. A model's card names its solver with settings, since the same engine at other settings is another
 //! motion.
 
 use nerd_core::robot::Robot;
 use serde::{Deserialize, Serialize};
 
-/// What a model learns and is compared with.
+/// The solver that a model learns and is compared with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Truth {
-    /// `articulated`, preset `accurate`: implicit contact, as many substeps as the robot asks for.
+    /// `articulated`, preset `accurate`: implicit contact, with the robot's number of substeps.
     #[default]
     Articulated,
-    /// `articulated`, preset `paper`, Coulomb friction: the reference simulator's method. Meant for robots `NAME-paper`, which
-    /// have its materials and substeps.
+    /// `articulated`, preset `paper`, Coulomb friction: the reference simulator's method. For robots `NAME-paper`, which have its materials
+    /// and substeps.
     Paper,
     /// rapier's multibodies, 4 steps of 4 iterations a frame, in a floating robot's own axes.
     #[cfg(feature = "rapier")]
     Rapier,
 }
 
-/// rapier as a truth: contacts found 240 times a second at 60 frames, with its usual 4 iterations, as people set it. More bring another
-/// motion, not a better one: 8 steps are as far from 4 as 16 from 8 on the Ant. What it is bad at (a fast tip sinks 29 mm into the ground,
-/// `nerd-sim/tests/solvers/rapier.rs`; `results/stability.md`) is learned with it. A world is made new every frame, along the axes of a
-/// floating root, so that, as for every truth, the next state is a function of this one: no warm start, nothing of another trajectory, no
-/// heading.
+/// rapier as a truth: contacts found 240 times a second at 60 frames, with its default of 4 iterations, as is usual. More steps give
+/// another motion, not a better one: 8 steps differ from 4 as much as 16 from 8 on the Ant. A model also learns its faults (a fast tip
+/// sinks 29 mm into the ground, `nerd-sim/tests/solvers/rapier.rs`; `results/stability`). A new world every frame, in the axes of a
+/// floating root, makes the next state a function of this one, as for every truth: no warm start, no influence of other trajectories or of
+/// the heading.
 #[cfg(feature = "rapier")]
 pub(crate) const STEPS: usize = 4;
 #[cfg(feature = "rapier")]
 pub(crate) const ITERATIONS: usize = 4;
 
-/// How the truth of a model begins that learned recorded motion, before the name of its log. No solver is that.
+/// Prefix of a truth that is recorded motion, followed by the name of its log. No solver has it.
 pub const RECORDED: &str = "recorded ";
 
 impl Truth {
@@ -42,7 +42,7 @@ impl Truth {
         Self::Rapier,
     ];
 
-    /// As cards and shards have it.
+    /// Name on cards and in shards.
     pub fn name(self) -> String {
         match self {
             Self::Articulated => "articulated accurate".into(),
@@ -64,7 +64,7 @@ impl Truth {
         found.ok_or_else(|| format!("no truth is called `{name}`; choose from {}", known()))
     }
 
-    /// Refuses a robot that it cannot step as it says; `folds` tells whether its links touch each other.
+    /// Refuses a robot that the solver cannot step; `folds` tells whether the robot's links touch each other.
     pub fn check(self, robot: &Robot, folds: bool) -> Result<(), String> {
         if self != Self::Articulated && folds {
             return Err("self_collision is what `articulated` alone can step; take it, or leave self_collision out".into());

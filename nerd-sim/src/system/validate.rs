@@ -1,4 +1,4 @@
-//! Validation of a specification: ranges with their units, names, and consistency with the robot. What passes can be simulated and sampled.
+//! Validation of a specification: ranges with their units, names, and consistency with the robot. A valid one can be simulated and sampled.
 //!
 //! Ends of ranges lie far beyond any robot, and near enough that products of a few such numbers are finite.
 
@@ -9,7 +9,7 @@ use crate::{internal::*, scene::WORLDS};
 
 /// Most substeps of a frame: a robot of ten joints takes a tenth of a second over them.
 pub(crate) const MOST_SUBSTEPS: usize = 100_000;
-/// Farthest place (m).
+/// Farthest position (m).
 const FAR: f64 = 1e7;
 /// Largest angle, length of a joint, radius (rad or m).
 const WIDE: f64 = 1e6;
@@ -21,10 +21,11 @@ const MOST_VERTICES: usize = 10_000;
 /// Columns of the tables of trajectories that no coordinate may be called.
 pub(crate) const RESERVED: [&str; 2] = ["traj", "step"];
 
-/// Says what is wrong with a specification of `robot`, with the key, what it is and what is needed.
+/// Checks a specification of `robot`; an error names the key, its value and the requirement.
 pub(crate) fn check(spec: &Spec, robot: &Robot) -> Result<(), String> {
     within(format!("frame_time = {:?}", spec.frame_time), spec.seconds(), 1e-6..=1.0, "s")?;
     within("substeps", spec.substeps as f64, 1.0..=MOST_SUBSTEPS as f64, "")?;
+    within("mesh_points", spec.mesh_points as f64, 0.0..=MOST_VERTICES as f64, "")?;
     vector("gravity", &spec.gravity, 1e3, "m/s^2")?;
     let gravity = spec.gravity.iter().map(|g| g * g).sum::<f64>().sqrt();
     if spec.gravity != [0.0; 3] && gravity < 1e-6 {
@@ -111,7 +112,7 @@ fn joints(spec: &Spec, robot: &Robot) -> Result<(), String> {
         }
         let modelled = robot.joints().nth(at);
         self::joint(joint, modelled.is_some_and(|j| j.kind == JointKind::Prismatic), &names()[..at])?;
-        // A pose may be a little beyond, as files round it.
+        // A pose may exceed a limit slightly, as files round it.
         let beyond = |limit: &Limit| joint.default < limit.lower - 1.0 || joint.default > limit.upper + 1.0;
         if let Some(limit) = modelled.and_then(|j| j.limit).filter(beyond) {
             let (low, high, name) = (limit.lower, limit.upper, &joint.name);

@@ -1,9 +1,9 @@
-//! `[vary]` of a robot's TOML: what differs between environments. [`crate::vary`] draws it.
+//! `[vary]` of a robot's TOML: differences between environments. [`crate::vary`] draws them.
 
 use super::motors::LATEST;
 use crate::internal::*;
 
-/// `[vary]`: ranges from which a robot's numbers are drawn, once an environment or a trajectory. What is not there stays as it is.
+/// `[vary]`: ranges from which a robot's numbers are drawn, once an environment or a trajectory. Numbers without a range are unchanged.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct VarySpec {
@@ -21,8 +21,8 @@ pub struct VarySpec {
     pub contact_damping: Option<Range>,
     /// Size of gravity (m/s^2).
     pub gravity: Option<Range>,
-    /// Factor on each joint's kp and kd, of drives and of tasks. Data whose gains are random (`control.data`) have them where a
-    /// trajectory is held, not driven.
+    /// Factor on each joint's kp and kd, of drives and of tasks. In data with random gains (`control.data`) it applies where a trajectory
+    /// is held, not driven.
     pub gain: Option<Range>,
     /// Factor on each joint's damping and dry friction.
     pub joint_damping: Option<Range>,
@@ -32,36 +32,36 @@ pub struct VarySpec {
     pub damping: Option<Range>,
     /// Dry friction added at each joint (N m or N).
     pub dry_friction: Option<Range>,
-    /// Factor on the torque of each joint. This and what follows is of motors and sensors, and [`crate::rig`] steps it.
+    /// Factor on the torque of each joint. This and the following ranges are for the actuator and sensor model, which [`crate::rig`] steps.
     pub strength: Option<Range>,
-    /// Frames by which torques act late, from 0 to 2.
+    /// Delay of torques (frames), from 0 to 2.
     pub delay: Option<Range>,
     /// Position of each joint where its sensor shows 0 (rad or m).
     pub zero: Option<Range>,
     /// Speed at which the torque of each joint's motor has fallen to nothing (rad/s or m/s), from [`super::JointSpec::most`] at rest.
     pub top_speed: Option<Range>,
-    /// Size of each joint's torque ripple (N m or N): what no analytic solver knows, and no model is told.
+    /// Size of each joint's torque ripple (N m or N): no analytic solver models it, and no model is conditioned on it.
     pub ripple: Option<Range>,
-    /// Size of the white noise of each joint's sensor (rad or m): so much on its position, and that over a frame time on its velocity. It is in
-    /// what a recording shows ([`crate::dataset::Recording::shown`]) and a policy sees; no solver steps it.
+    /// Standard deviation of each joint sensor's white noise (rad or m): on its position, and divided by the frame time on its velocity.
+    /// Recordings ([`crate::dataset::Recording::shown`]) and observations have it; no solver steps it.
     pub noise: Option<Range>,
-    /// The same of where a free root is measured to be (m).
+    /// The same for the measured position of a free root (m).
     pub root_noise: Option<Range>,
-    /// And of how it is turned (rad).
+    /// The same for its orientation (rad).
     pub turn_noise: Option<Range>,
-    /// Whole frames by which what a policy sees is late, from 0 to 2: a drawn number counts as the nearest.
+    /// Delay of observations in whole frames, from 0 to 2: a drawn number is rounded.
     pub lag: Option<Range>,
-    /// Sizes of pushes, which change the velocity of a free root (m/s) at once, each in a level direction of its own; of episodes alone.
+    /// Sizes of pushes, which change the velocity of a free root (m/s) at once, each in a level direction of its own; in episodes alone.
     pub push: Option<Range>,
     /// Time from one push to the next (s).
     pub push_every: Option<f64>,
 }
 
-/// Farthest that a factor may lead.
+/// Bounds on a factor.
 const FACTOR: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
 
 impl VarySpec {
-    /// The ranges by key, with what they may hold.
+    /// The ranges by key, with their bounds.
     fn ranges(&self) -> [(&'static str, Option<Range>, std::ops::RangeInclusive<f64>, &'static str); 22] {
         [
             ("mass", self.mass, FACTOR, ""),
@@ -112,10 +112,7 @@ impl VarySpec {
         match (self.push, self.push_every) {
             (Some(_), None) => return Err("vary.push: say how often, as push_every = 4.0 (s)".into()),
             (None, Some(_)) => return Err("vary.push_every: say how hard, as push = \"U(0, 0.5)\" (m/s)".into()),
-            (_, Some(every)) if !(every > 0.0 && every.is_finite()) => {
-                return Err(format!("vary.push_every: {every} s; more than 0 are needed"));
-            }
-            _ => {}
+            (_, every) => within("vary.push_every", every.unwrap_or(1.0), 1e-6..=1e9, "s")?,
         }
         let mut ranges = self.ranges().into_iter().filter_map(|(key, range, may, unit)| Some((key, range?, may, unit)));
         ranges.try_for_each(|(key, range, may, unit)| law(&format!("vary.{key}"), &range, may, unit))

@@ -1,4 +1,4 @@
-//! A cart on four wheels keeps its speed and its height. Of one wheel, a coin, a can and a ball the stability suite asks.
+//! A cart on four wheels keeps its speed and its height. The stability suite covers a single wheel, a coin, a can and a ball.
 
 use nerd_sim::suite::bodies::{Body, UPRIGHT};
 

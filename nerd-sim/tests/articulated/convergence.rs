@@ -1,9 +1,9 @@
-//! Orders of convergence without contact: both solvers must run to the same solution, each with the order its method has
-//! in the textbook (Hairer, Norsett, Wanner, *Solving ODEs I*, II.1 and II.3): classical Runge-Kutta 4, symplectic Euler
-//! and rapier 1. A wrong term in either dynamics makes an error that no substep removes, so the slope falls to 0.
+//! Orders of convergence without contact: both solvers must converge to the same solution, each at the textbook order of its method
+//! (Hairer, Norsett, Wanner, *Solving ODEs I*, II.1 and II.3): classical Runge-Kutta 4, symplectic Euler and rapier 1. A wrong term in
+//! either dynamics gives an error that no substep removes, so the slope falls to 0.
 //!
-//! Bounds: 3.7..4.5 and 0.8..1.3, since a slope fitted over a decade of substeps carries the next order's terms; the
-//! finest setting must besides be within 1e-7 (RK4) and 1e-2 (first order) of the reference, RK4 at 64 substeps.
+//! Bounds: 3.7..4.5 and 0.8..1.3, since a slope fitted over a decade of substeps includes the next order's terms. The finest setting must
+//! also be within 1e-7 (RK4) and 1e-2 (first order) of the reference, RK4 at 64 substeps.
 
 use super::common::*;
 
@@ -23,7 +23,7 @@ fn solved(system: &Arc<System>, mut solver: impl Solver) -> Vec<f64> {
             write_quaternion(&mut batch.state_mut(env)[3..7], &unit);
         }
     }
-    // Light legs are left alone: driven, they would spin.
+    // Light legs are not driven: they would spin.
     let push = if system.robot.floating() { [0.0; 2] } else { [40.0, 5.0] };
     let torques: Vec<f64> = (0..STARTS * joints).map(|i| push[usize::from(i % joints > 0)]).collect();
     (0..20).for_each(|_| solver.step(&mut batch, &torques).expect("finite"));
@@ -43,7 +43,7 @@ fn apart(system: &System, a: &[f64], b: &[f64]) -> f64 {
     (0..a.len()).filter(|i| i % d < nq).map(gap).sum::<f64>() / (a.len() / d * nq) as f64
 }
 
-/// The slope of the error's logarithm by that of the number of substeps must be in `order`, the last error below `bound`.
+/// The slope of log(error) over log(substeps) must be in `order`, the last error below `bound`.
 fn converges<S: Solver>(system: &Arc<System>, substeps: [usize; 4], order: std::ops::Range<f64>, bound: f64, solver: impl Fn(usize) -> S) {
     let reference = solved(system, articulated(Integrator::Rk4, 64));
     let errors = substeps.map(|n| apart(system, &solved(system, solver(n)), &reference));
@@ -54,7 +54,7 @@ fn converges<S: Solver>(system: &Arc<System>, substeps: [usize; 4], order: std::
     assert!(errors[3] < bound, "{}: {:.2e} rad at {} substeps, bound {bound:.0e}", system.name, errors[3], substeps[3]);
 }
 
-/// A robot without limits, whose springs begin with a kink.
+/// A robot without limits, whose springs have a kink.
 fn smooth(robot: &str) -> Arc<System> {
     let mut system = (*built_in(robot)).clone();
     system.robot.joints_mut().for_each(|j| j.limit = None);
@@ -81,8 +81,8 @@ fn rapier_has_order_1() {
     }
 }
 
-/// Landings, slip and rest: the implicit step comes to the motion that explicit substeps come to, and much sooner. Contact
-/// is not smooth, so the slope over 2 to 32 substeps lies between the first order of the kinks and the second of the step.
+/// Landings, slip and rest: the implicit step converges to the motion of explicit substeps, much sooner. Contact is not smooth, so the
+/// slope over 2 to 32 substeps lies between the first order of the kinks and the second of the step.
 #[test]
 fn the_implicit_contact_step_converges_to_the_explicit_ones_motion() {
     for (robot, scene) in [("pendulum", "ground1"), ("ant", "ground"), ("cube", "ground")] {

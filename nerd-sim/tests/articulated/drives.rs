@@ -1,4 +1,4 @@
-//! Drives inside the substeps: known motions, stability at any gain, efforts, velocities, and who refuses them.
+//! Drives inside the substeps: known motions, stability at any gain, efforts, velocities, and solvers that refuse them.
 
 use super::common::*;
 
@@ -66,4 +66,36 @@ fn drives_that_cannot_be_held_are_refused() {
         let said = line(Rapier::new(RapierConfig::default()).step(&mut rod(&[Drive::default()]), &[0.0]));
         assert!(said.contains("no drives inside its frame"), "{said}");
     }
+}
+
+/// A trunk of 10 kg on a foot of 50 g, pressed down by a slide whose law brakes it within a frame. As a servo it rests `m g / kp` below its
+/// target. Under a law held over the frame, which does not react to the ground, it sinks.
+#[test]
+fn a_servo_bears_what_a_law_that_is_held_does_not() {
+    let inner = r#"<axis xyz="0 0 1"/><limit lower="-0.2" upper="0.2" effort="1000" velocity="10"/>"#;
+    let foot = collision([0.0, 0.0, -0.01], r#"<box size="0.4 0.4 0.02"/>"#);
+    let parts = [
+        link("trunk", 10.0, [0.0; 3], [0.1; 3], ""),
+        joint("slide", "prismatic", ["trunk", "foot"], inner),
+        link("foot", 0.05, [0.0; 3], [1e-3; 3], &foot),
+    ];
+    let toml = "like = \"urdf\"\nfloating = true\n[[joint]]\nname = \"slide\"\nkp = 2e4\nkd = 500.0\ngain = 1e3\n";
+    let system = Arc::new(System::from_text("hopper", &urdf(&parts), Some(toml)).expect("a robot"));
+    let [servo, held] = [true, false].map(|servo| {
+        let mut batch = batch(&system, "plane", 1);
+        batch.state_mut(0)[2] = 0.02;
+        batch.servo = servo;
+        let mut controller = Controller::new(&system);
+        controller.servo = servo;
+        let (mut solver, mut torques) = (implicit(4), [0.0]);
+        for _ in 0..120 {
+            controller.torques(batch.state(0), &[0.0], &mut torques);
+            solver.step(&mut batch, &torques).expect("steps");
+        }
+        batch.joint(0, "slide").expect("a joint")[0]
+    });
+    // A foot that is pushed down has its trunk above; the slide's coordinate grows as the foot comes nearer to it.
+    let expected = 10.0 * GRAVITY / 2e4;
+    assert!((servo - expected).abs() < 2e-4, "a servo gives way by {servo} m, not m g / kp = {expected}");
+    assert!(held > 10.0 * expected, "the law that is held gives way by {held} m: then a servo is not needed");
 }

@@ -1,13 +1,13 @@
-//! A limp robot that falls gains no energy, however light its fingers are beside its body.
+//! A passive robot that falls gains no energy, however light its fingers are relative to its body.
 
 use crate::common::*;
 
-/// Kinetic and potential energy, and that in springs (J).
+/// Kinetic, potential and spring energy (J).
 fn energy(system: &System, scene: &Scene, state: &[f64], data: &mut Data) -> f64 {
     system.stored(scene, state, data) + totals(&system.robot, state, data).energy(&scene.gravity)
 }
 
-/// The largest rise from one frame to a later one, of what the fall has released.
+/// The largest rise of energy from one frame to a later one, relative to the energy released by the fall.
 fn rise(urdf: &str, floating: bool, start: impl Fn(&mut [f64])) -> f64 {
     let system = Arc::new(System::bare("limp", urdf, floating).expect("a robot"));
     assert!(system.robot.joints().all(|j| j.armature == 0.0), "no drive inertia that the file does not give");
@@ -44,7 +44,7 @@ fn finger(name: &str, [x, y]: [f64; 2], mimics: bool) -> String {
     parts
 }
 
-/// 71 kg on four such fingers, which it falls on.
+/// 71 kg on four such fingers, on which it falls.
 fn hands(mimics: bool) -> String {
     let body = link("body", 71.0, [0.0; 3], [2.0, 2.5, 1.5], &collision([0.0; 3], r#"<box size="0.5 0.4 0.2"/>"#));
     let fingers = [[0.2, 0.15], [0.2, -0.15], [-0.2, 0.15], [-0.2, -0.15]].into_iter().enumerate();

@@ -1,4 +1,4 @@
-//! Links of a robot on each other: rest where geometry and gravity say, momentum to rounding, no energy from nothing.
+//! Self-collision: rest positions by geometry and gravity, momentum conserved to rounding, no gain of energy.
 
 use super::common::*;
 
@@ -22,8 +22,8 @@ fn hinge(name: &str, links: [&str; 2], at: [f64; 3], axis: &str) -> String {
     joint(name, "continuous", links, &format!(r#"<origin xyz="{x} {y} {z}"/><axis xyz="{axis}"/><dynamics damping="0.02"/>"#))
 }
 
-/// An upper arm, level, a short post at its end and a forearm on that, which falls back on the upper arm: its tip rests two radii above the
-/// axis but for what a spring of 1e3 N/m gives way under half of its weight, or under what a torque at its joint leaves of that.
+/// A level upper arm, a short post at its end and a forearm on the post, which falls back on the upper arm. Its tip rests two radii above
+/// the axis, less the deflection of a spring of 1e3 N/m under half of its weight, reduced by a torque at its joint.
 #[test]
 fn a_folded_arm_rests_on_itself() {
     let parts = [
@@ -47,7 +47,7 @@ fn a_folded_arm_rests_on_itself() {
         // Positive torque turns it up and away; the lever is the tip's.
         let pressed = 0.5 * 0.5 * 9.81 - torque / (0.3 * q.sin().abs());
         let (height, textbook) = (0.15 + 0.3 * q.cos(), 0.04 - if material.is_empty() { 0.0 } else { pressed / 1e3 });
-        // Of the default material, as hard as substeps can follow.
+        // With the default material, as hard as substeps can follow.
         let bound = if material.is_empty() { 5e-4 } else { 4e-5 };
         assert!((height - textbook).abs() < bound, "{torque} N m: tip at {height} m, textbook {textbook}");
         assert!(batch.state(0)[5].abs() < 1e-6, "it is not at rest: {} rad/s", batch.state(0)[5]);
@@ -66,7 +66,7 @@ fn clapper(more: &str) -> Arc<System> {
     folding("clapper", &parts, &format!("floating = true\n{more}"))
 }
 
-/// Distance of two rods' axes (m), of places of a link.
+/// Distance of two rods' axes (m), at points of the links.
 fn apart(batch: &Batch, links: [(&str, f64); 2]) -> f64 {
     let places = links.map(|(name, length)| {
         let pose = batch.pose(0, name).expect("a link");
@@ -96,7 +96,7 @@ fn a_free_body_that_claps_makes_no_energy() {
                 let (now, gap) = (known(batch.state(0)), apart(&batch, [("left", 0.3), ("right", 0.25)]) - 0.05);
                 nearest = nearest.min(gap);
                 rise = rise.max(now.kinetic - least);
-                // What a touch has stored it may give back.
+                // Energy stored in a contact may be released.
                 least = if gap > 1e-3 { least.min(now.kinetic) } else { least };
                 drift = drift.max((now.momentum.vector() - first.momentum.vector()).amax());
             }
@@ -106,13 +106,13 @@ fn a_free_body_that_claps_makes_no_energy() {
             );
             assert!((-0.02..0.002).contains(&nearest), "they meet, and stop: {nearest} m");
             assert!(rise < 1e-4 * first.kinetic, "energy rises by {rise} J");
-            // Of the step: while a touch lasts so many substeps, it is of first order in them.
+            // An error of the step: while a contact lasts several substeps, it is of first order in them.
             assert!(drift < if substeps < 64 { 1e-4 } else { 1e-5 }, "momentum is off by {drift}");
         }
     }
 }
 
-/// Two balls on rails of a free trunk: the mass matrix is constant, and what is left of momentum's change is rounding.
+/// Two balls on rails of a free trunk: the mass matrix is constant, so momentum changes by rounding alone.
 #[test]
 fn sliders_that_meet_keep_momentum() {
     let ball = |name: &str, mass: f64| link(name, mass, [0.0; 3], [1e-4; 3], &collision([0.0; 3], r#"<sphere radius="0.03"/>"#));
@@ -126,7 +126,7 @@ fn sliders_that_meet_keep_momentum() {
     let mut start = system.default_state();
     let nq = system.robot.nq();
     start[nq + 6..].copy_from_slice(&[3.0, -2.0]);
-    // The trunk so that nothing is left over: then it does not turn.
+    // The trunk's velocity cancels the total momentum, so that it does not rotate.
     start[nq + 3] = -(0.4 * 3.0 - 0.1 * 2.0) / 1.5;
     let mut data = Data::new(&system.robot);
     let first = totals(&system.robot, &start, &mut data);
@@ -136,7 +136,7 @@ fn sliders_that_meet_keep_momentum() {
     assert!(off < 1e-10 && speed >= -1e-9 && last.kinetic <= first.kinetic, "{off:e}, {speed}, {} J", last.kinetic);
 }
 
-/// A link with the one that it hangs on, and what touches in the default pose, is left out, with a line.
+/// A link with its parent, and pairs that touch in the default pose, are excluded, with a note.
 #[test]
 fn what_touches_by_design_is_left_out() {
     let note = |system: &System| system.notes.iter().find(|n| n.starts_with("self_collision")).cloned().expect("a line");
@@ -151,7 +151,33 @@ fn what_touches_by_design_is_left_out() {
     ];
     let closed = note(&folding("closed", &parts, "floating = true\n"));
     assert!(closed.starts_with("self_collision: it has no two links") && closed.ends_with("default pose: left - right"), "{closed}");
-    // With nothing to touch it is the robot that it was.
+    // Without contact it equals the original robot.
     let plain = System::from_text("closed", &urdf(&parts), Some("like = \"urdf\"\nfloating = true\ncontact = []\n")).expect("a robot");
     assert_eq!(plain.robot_sha256(), folding("closed", &parts, "floating = true\n").robot_sha256());
+}
+
+/// The file pairs only the tip of an arm with the trunk that carries it. The tip rests at their margin over the trunk, although a link and
+/// its parent never meet otherwise. The thicker sleeve of the arm, which would touch first, passes through.
+#[test]
+fn what_a_file_pairs_meets_and_nothing_else() {
+    let arm = |paired: &str| {
+        let text = format!(
+            r#"<mujoco><worldbody><body name="trunk"><freejoint/><geom name="trunk" type="box" size=".4 .1 .1" mass="50" contype="0" conaffinity="0"/>
+            <body name="arm" pos="0 0 .2"><joint name="hinge" axis="0 1 0" damping=".02"/>
+            <geom name="sleeve" type="sphere" pos=".2 0 0" size=".06" mass=".1" contype="0" conaffinity="0"/>
+            <geom name="tip" type="sphere" pos=".3 0 0" size=".03" mass=".1" contype="0" conaffinity="0"/></body></body></worldbody>
+            <contact><pair geom1="trunk" geom2="{paired}" margin=".01"/></contact></mujoco>"#
+        );
+        let system = System::from_text("arm", &text, Some("like = \"mjcf\"\nself_collision = true\n")).expect("a robot");
+        let system = Arc::new(system);
+        let mut batch = batch(&system, "free", 1);
+        let mut solver = Articulated::new(ArticulatedConfig::accurate(&system));
+        (0..600).for_each(|_| solver.step(&mut batch, &[0.3]).expect("it can be stepped"));
+        batch.state(0)[7]
+    };
+    // The pivot is 0.1 m above the trunk.
+    for (paired, lever, radius) in [("tip", 0.3, 0.03), ("sleeve", 0.2, 0.06)] {
+        let (angle, expected) = (arm(paired), f64::asin((0.1 - radius - 0.01) / lever));
+        assert!((angle - expected).abs() < 5e-3, "{paired}: it rests at {angle} rad, not {expected}");
+    }
 }

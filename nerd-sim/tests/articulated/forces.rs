@@ -1,4 +1,4 @@
-//! Forces at contact points, what has none, and places by name.
+//! Contact forces at points, solvers without them, and poses by name.
 
 use nerd_sim::instruments::glide;
 
@@ -14,8 +14,8 @@ fn cube(config: fn(&System) -> ArticulatedConfig) -> Simulation {
     Simulation::new(at(&system, "plane", &start), Articulated::new(config(&system)))
 }
 
-/// Newton's second law over every frame of a fall, a landing and a rest: the change of momentum is `(sum F + m g) dt`.
-/// The mass matrix is renewed in every substep; one that is kept for a frame, as `paper` keeps it, does not keep momentum.
+/// Newton's second law over every frame of a fall, a landing and a rest: the change of momentum is `(sum F + m g) dt`. The mass matrix is
+/// renewed in every substep; one that is kept for a frame, as in `paper`, does not conserve momentum.
 #[test]
 fn forces_are_what_changes_momentum() {
     let presets: [fn(&System) -> ArticulatedConfig; 2] =
@@ -24,7 +24,7 @@ fn forces_are_what_changes_momentum() {
         let mut simulation = cube(preset);
         let system = simulation.batch.system.clone();
         let (m, dt, gravity) = (system.robot.mass(), system.frame_time, system.gravity());
-        // That of the root's origin: the cube's centre of mass is there.
+        // The velocity of the root's origin, which is the cube's centre of mass.
         assert!(system.robot.links[0].inertia.com.norm() < 1e-9);
         let momentum = |s: &[f64]| (vector(&s[10..]) + vector(&s[7..]).cross(&vector(s))) * m;
         let (mut touched, mut last, mut worst) = (0, Vector3::zeros(), 0.0f64);
@@ -48,7 +48,7 @@ fn a_solver_without_forces_says_so_before_and_after() {
     assert!(simulation.solver.capabilities().forces);
     simulation.step(&[]).expect("a frame");
     assert!(line(simulation.batch.contact_force(0, "cub")).contains("near are `cube`"));
-    // Those of a frame before are none of this one.
+    // Forces of an earlier frame do not remain.
     simulation.solver = Box::new(Rapier::new(RapierConfig::default()));
     assert!(!simulation.solver.capabilities().forces);
     simulation.step(&[]).expect("a frame");
@@ -69,7 +69,7 @@ fn a_batch_knows_names() {
     let [root, link] = [&system.robot.links[0].name, &system.robot.links.last().expect("a link").name];
     assert!((batch.pose(1, root).expect("a root").to_homogeneous() - pose.to_homogeneous()).amax() < 1e-14);
     assert!((batch.velocity(1, root).expect("a root").vector() - moves.vector()).amax() < 1e-14);
-    // A point of the last link goes where its velocity leads.
+    // A point of the last link moves along its velocity.
     let (before, v) = (batch.pose(1, link).expect("a link"), batch.velocity(1, link).expect("a link"));
     glide(&system, batch.state_mut(1), 1e-6);
     let went = (batch.pose(1, link).expect("a link").translation.vector - before.translation.vector) / 1e-6;

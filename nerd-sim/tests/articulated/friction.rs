@@ -1,5 +1,5 @@
-//! Dry friction of a joint: a slide of 2 kg slows down evenly and stops for good; held below the breaking force it creeps by no more
-//! than 1 mm/s; above it falls with what is left over. A hinge on it stays held. With many substeps and with few.
+//! Dry friction of a joint: a slide of 2 kg slows down uniformly and stops for good. Held below the breaking force it creeps by no more
+//! than 1 mm/s; above, it falls with the excess force. A hinge on it stays held. With many substeps and with few.
 
 use super::common::*;
 
@@ -24,7 +24,7 @@ fn after(system: &Arc<System>, config: ArticulatedConfig, v: f64, frames: usize)
     end(&mut Articulated::new(config), at(system, "free", &[0.0, 0.0, v, 0.0]), 0.0, frames)
 }
 
-/// Settings, and how far each may be off, relative: of first order, with the substep.
+/// Settings, and the relative tolerance of each: first order in the substep.
 fn settings(system: &System) -> [(ArticulatedConfig, f64); 3] {
     let law = Friction::Coulomb;
     [(ArticulatedConfig::converged(law), 2e-3), (ArticulatedConfig::paper(system, law), 0.02), (ArticulatedConfig::implicit(4, law), 0.05)]

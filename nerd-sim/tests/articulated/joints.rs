@@ -1,5 +1,5 @@
-//! What acts at a joint, against closed forms: a damper far too stiff for the substep dies away as `exp(-d t / I)`, or at
-//! least without overshoot; a limit far too stiff holds; limits and position laws are right beyond a turn.
+//! Forces at a joint against closed forms: a damper far too stiff for the substep decays as `exp(-d t / I)`, or at least without overshoot;
+//! a limit far too stiff holds; limits and position laws are right beyond a turn.
 
 use super::common::*;
 
@@ -21,8 +21,8 @@ fn after(system: &Arc<System>, scene: &str, config: ArticulatedConfig, state: &[
     motion(&mut Articulated::new(config), at(system, scene, state), 0.0, frames)
 }
 
-/// From soft to 1e5 times too stiff: never past zero, never faster, never slower than a hundredth of what it was after 40 time
-/// constants and two frames; the accurate presets follow the exponential.
+/// From soft to 1e5 times too stiff: the velocity never changes sign, never grows, and after 40 time constants and two frames is below a
+/// hundredth of the initial one; the accurate presets follow the exponential.
 #[test]
 fn a_damper_of_any_stiffness_dies_away() {
     for damping in [1e-3, 0.05, 0.3, 1.0, 10.0, 1e4] {
@@ -33,7 +33,7 @@ fn a_damper_of_any_stiffness_dies_away() {
                 let (v, exact) = (state[1], (-damping / 1e-3 * (k + 1) as f64 / 60.0).exp());
                 let place = format!("{name}, {scene}, d = {damping}, frame {k}: {v:e} rad/s, textbook {exact:e}");
                 assert!((0.0..=before).contains(&v), "overshoot: {place}");
-                // The ball presses on the plane from where the axis meets it, so contact has no arm.
+                // The ball touches the plane where the axis meets it, so contact has no lever arm.
                 let allowed = if name == "implicit" || name == "converged" { 0.02 } else { 0.2 };
                 assert!((v - exact).abs() < allowed, "{place}");
                 before = v;
@@ -62,8 +62,8 @@ fn coupled_dampers_take_energy_only() {
     }
 }
 
-/// A joint thrown at a stop far too stiff for the substep: it is held within the depth `v sqrt(I / k)` of its spring or what
-/// a substep travels, and comes back no faster than it went.
+/// A joint thrown at a stop far too stiff for the substep: its penetration is at most `v sqrt(I / k)` of the spring or the distance of a
+/// substep, and it does not return faster than it came.
 #[test]
 fn a_limit_of_any_stiffness_holds() {
     let limit = r#"<limit lower="-1" upper="1" effort="1" velocity="1"/>"#;

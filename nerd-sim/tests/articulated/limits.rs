@@ -1,4 +1,4 @@
-//! Limits of a URDF act, whether or not a TOML says how stiff they are.
+//! Limits of a URDF act, with or without a stiffness in a TOML.
 
 use super::common::*;
 
@@ -69,7 +69,7 @@ fn arms_fall_into_their_limits_and_stay() {
     }
 }
 
-/// A TOML that says nothing of a limit leaves it acting; zeros switch it off; the built-in robots say all of theirs.
+/// Without a limit in the TOML, the URDF's acts; zeros switch it off; the built-in robots define all of theirs.
 #[test]
 fn what_is_said_counts() {
     let limit = |text: &str| {
@@ -89,7 +89,7 @@ fn what_is_said_counts() {
     }
 }
 
-/// A joint whose ends are one place has no range to divide by.
+/// A joint whose ends coincide has no range to divide by.
 #[test]
 fn a_joint_without_a_range_is_locked() {
     let locked = changed(&grip(0.2), "upper=\"0.08\"", "upper=\"0\"");

@@ -6,6 +6,7 @@ mod common;
 mod convergence;
 mod drives;
 mod falling;
+mod filed;
 mod folding;
 #[cfg(feature = "rapier")]
 mod forces;
@@ -15,4 +16,5 @@ mod limits;
 mod standing;
 mod terrain;
 mod touching;
+mod turning;
 mod worlds;

@@ -1,5 +1,5 @@
-//! A robot of which no material is said stands: its feet stick as Coulomb's law has it. Regularised, they creep by the
-//! force on a foot over the material's tangential damping, 1 mm in 5 s for 30 N.
+//! A robot without a material in its file stands: its feet stick by Coulomb's law. With regularised friction they creep by the force on a
+//! foot over the material's tangential damping, 1 mm in 5 s for 30 N.
 
 use super::common::*;
 
@@ -12,14 +12,14 @@ fn quadruped() -> Arc<System> {
     Arc::new(system)
 }
 
-/// The same scene where gravity pulls aside, too (m/s^2).
+/// The same scene with an additional sideways gravity (m/s^2).
 fn leaning(scene: &Scene, aside: f64) -> Arc<Scene> {
     let mut scene = scene.clone();
     scene.gravity.x = aside;
     Arc::new(scene)
 }
 
-/// Places of the base and of a foot after every frame of 6 s under its position law, pulled aside after 1 s.
+/// Positions of the base and of a foot after every frame of 6 s under its position law, pulled aside after 1 s.
 fn stand(config: ArticulatedConfig, aside: f64) -> Vec<[Vector3<f64>; 2]> {
     let system = quadruped();
     let mut state = system.default_state();
@@ -41,8 +41,8 @@ fn stand(config: ArticulatedConfig, aside: f64) -> Vec<[Vector3<f64>; 2]> {
     (0..360).map(frame).collect()
 }
 
-/// By few implicit substeps and by many. Explicit ones are too long for so stiff a friction: they only tremble about rest, and let
-/// the robot sink; its frames are stepped implicitly.
+/// By few implicit substeps and by many. Explicit ones are too long for such stiff friction: they tremble about rest, and the robot sinks;
+/// its frames are stepped implicitly.
 #[test]
 fn a_standing_quadruped_holds_its_height() {
     for (name, config) in [

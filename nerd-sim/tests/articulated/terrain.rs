@@ -8,13 +8,13 @@ use super::common::*;
 #[test]
 fn heights_and_normals_are_bilinear() {
     let field = Field::new(0.5, [2, 2], vec![0.0, 1.0, 2.0, 4.0]).expect("four heights");
-    // Of the four heights 0 and 2 (x), 1 and 4 (x, at the next y), in the middle along x and a quarter along y; and a period away.
+    // Between the heights 0 and 2 (along x), 1 and 4 (along x, at the next y): the middle along x, a quarter along y; and one period away.
     for (x, y) in [(0.25, 0.125), (-0.75, 1.125)] {
         let (height, slope) = field.at(x, y);
         assert!((height - 1.375).abs() < 1e-12, "{height} m");
         assert!((slope[0] - 4.5).abs() + (slope[1] - 3.0).abs() < 1e-12, "{slope:?}");
     }
-    // Behind the last node comes the first one: from 2 back to 0.
+    // The first node follows the last: from 2 back to 0.
     assert_eq!(field.scaled(0.5).at(0.75, 0.0), (0.5, [-2.0, 1.5]));
     let terrain = Collider::terrain(field, Isometry3::identity(), Material::default());
     let event = Scene { colliders: vec![terrain], ..Scene::free(Vector3::z()) }.contact(&Vector3::new(0.25, 0.125, 2.375));
@@ -38,7 +38,7 @@ fn flat_terrain_is_the_plane() {
         let [flat, plane, other] = [("terrain", &state), ("plane", &state), ("plane", &moved)]
             .map(|(scene, state)| end(&mut solver, at(&system, scene, state), 0.0, 90));
         let off = |other: &[f64]| other.iter().zip(&plane).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        // Its rounding, which tumbling grows, is that of a start some 1e-15 m higher.
+        // Rounding, which tumbling amplifies, has the effect of a start about 1e-15 m higher.
         let (off, most) = (off(&flat), 4.0 * off(&other));
         let touches = system.scene("plane").expect("a world").contact(&vector(&plane[..3])).distance < 1.0;
         assert!(off <= most && most < 1e-11 && touches, "{name}: {off:e} apart of {most:e} at {plane:?}");
@@ -69,7 +69,7 @@ fn a_ball_rolls_down_a_slope() {
     assert!((slope - plane).norm() < 1e-9, "{:e} m from where the plane has it", (slope - plane).norm());
 }
 
-/// A robot begins somewhere on it, as far above it as above the plane, and as fast.
+/// A robot starts at random positions on it, with the same clearance and velocity as on the plane.
 #[test]
 fn starts_stand_on_the_ground() {
     let system = on_rubble("ant");
@@ -106,7 +106,7 @@ fn root_velocity(robot: &Robot, state: &[f64]) -> Vector3<f64> {
 #[test]
 fn cubes_rest_on_rubble() {
     let mut system = (*on_rubble("cube")).clone();
-    // Nothing slides for long, however steep a cell.
+    // High friction, so that nothing slides for long, however steep a cell.
     system.spec.material.friction = 1.0;
     let system = Arc::new(system);
     let (robot, scene, mut data) = (&system.robot, system.scene("terrain").expect("its own"), system.data());
@@ -120,7 +120,7 @@ fn cubes_rest_on_rubble() {
     let mut events = Vec::new();
     for env in 0..16 {
         let state = batch.state(env);
-        contacts(robot, &scene, state, &mut data, &mut events);
+        contacts(&system, &scene, state, &mut data, &mut events);
         let gap = events.iter().zip(&robot.contact_points).map(|(e, p)| e.distance - p.radius).fold(f64::INFINITY, f64::min);
         let (speed, spin) = (root_velocity(robot, state).norm(), vector(&state[robot.nq()..][..3]).norm());
         assert!(gap < 0.0 && gap > -2e-3, "cube {env}: {gap:e} m above the ground");

@@ -8,7 +8,16 @@ use parry3d_f64::shape::SharedShape;
 use super::common::*;
 
 /// The material of [`Body`], too.
-const MATERIAL: Material = Material { stiffness: 1e4, damping: 100.0, friction_damping: 1e3, friction: 0.5 };
+const MATERIAL: Material = Material {
+    stiffness: 1e4,
+    damping: 100.0,
+    friction_damping: 1e3,
+    friction: 0.5,
+    torsion: 0.0,
+    rolling: 0.0,
+    margin: 0.0,
+    release: 0.0,
+};
 
 fn body(shape: &str) -> Arc<System> {
     Body { shape: shape.into(), inertia: [0.01; 3], ..Default::default() }.system().expect("a body")
@@ -59,10 +68,10 @@ fn resting(system: &Arc<System>, scene: &Arc<Scene>, place: [f64; 3], turn: Unit
     within(system, scene, &Body::state(place, turn.coords.into(), [0.0; 3], [0.0; 3]))
 }
 
-/// A ball in a corner, deeper in the riser than in the floor, is pushed out of both, and by as much as by either alone.
+/// A ball in a corner, deeper in the riser than in the floor, is pushed out of both, as far as out of either alone.
 #[test]
 fn a_ball_in_a_corner_feels_floor_and_riser() {
-    // Without friction, so that neither rubs the push of the other.
+    // Without friction, so that neither contact affects the other's push.
     let mut system = (*ball()).clone();
     system.spec.material.friction = 0.0;
     let system = Arc::new(system);
@@ -93,7 +102,7 @@ fn a_box_leans_on_floor_and_wall() {
     }
 }
 
-/// Tiles side by side are one floor: a ball rolls over their seam as over a plane, and rests there as deep.
+/// Tiles side by side are one floor: a ball rolls over their seam as over a plane, and rests there at the same depth.
 #[test]
 fn a_seam_between_tiles_is_no_bump() {
     let system = ball();
@@ -107,18 +116,18 @@ fn a_seam_between_tiles_is_no_bump() {
     }
 }
 
-/// A face that lies buried under the floor does not push down what is under the floor.
+/// A face buried under the floor does not push bodies below the floor further down.
 #[test]
 fn a_buried_face_does_not_act() {
     let mut events = Vec::new();
     let room = scene(WEIGHTLESS, vec![floor(), block([-1.0, -1.0, 0.0], [1.0, 1.0, 0.2])]);
-    room.contacts(&Vector3::new(0.1, 0.0, -0.01), f64::INFINITY, &mut events);
+    room.contacts_at(&Vector3::new(0.1, 0.0, -0.01), f64::INFINITY, &mut events);
     let found: Vec<_> = events.iter().map(|e| (e.collider, e.distance)).collect();
     assert_eq!(found, [(0, -0.01)], "the block's underside at z 0 is no surface");
     events.clear();
     // In the inner corner of two steps both risers and treads are surfaces.
     let steps = scene(WEIGHTLESS, vec![floor(), block([0.0, -1.0, 0.0], [1.0, 1.0, 0.1])]);
-    steps.contacts(&Vector3::new(-0.02, 0.0, 0.03), 0.1, &mut events);
+    steps.contacts_at(&Vector3::new(-0.02, 0.0, 0.03), 0.1, &mut events);
     assert_eq!(events.len(), 2, "{events:?}");
 }
 
@@ -144,7 +153,7 @@ fn a_cylinder_rests_on_its_end_and_on_its_side() {
     }
 }
 
-/// What is not finite, or out of its range, is refused by name before a step, not ignored.
+/// Values that are not finite or out of range are refused by name before a step.
 #[test]
 fn a_scene_that_is_no_scene_is_refused() {
     let system = ball();
@@ -172,7 +181,7 @@ fn a_scene_that_is_no_scene_is_refused() {
     assert!(said.contains("gravity"), "{said}");
 }
 
-/// Colliders that are passed over since a ball around them is too far away are those that would not have been the nearest.
+/// Colliders skipped by their bounding balls would not have been the nearest.
 #[test]
 fn among_many_colliders_the_nearest_is_found() {
     let placed = |k: usize| {
@@ -201,7 +210,7 @@ fn among_many_colliders_the_nearest_is_found() {
         assert_eq!(event.distance, nearest, "at {:?}", place.as_slice());
         assert_eq!(event.distance, events[event.collider].distance, "the collider named");
         found.clear();
-        all.contacts(&place, 0.05, &mut found);
+        all.contacts_at(&place, 0.05, &mut found);
         let inside = |events: &[ContactEvent]| events.iter().filter(|e| e.distance <= 0.0).count();
         assert_eq!(inside(&events), inside(&found), "at {place:?}");
         others += usize::from(event.collider < 22);

@@ -28,7 +28,7 @@ fn distances_are_those_of_geometry() {
     }
 }
 
-/// A mesh with an inside: a point under the hills is as far under them as it is, not lost.
+/// A mesh with an inside: a point under the hills has its true depth, and is not lost.
 #[test]
 fn under_the_hills_is_inside() {
     let scene = world("hills");
@@ -58,7 +58,7 @@ fn a_cube_comes_to_rest_in_every_world() {
         let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
         for env in 0..2 {
             let state = batch.state(env);
-            contacts(&system.robot, &batch.scenes[env], state, &mut data, &mut events);
+            contacts(&system, &batch.scenes[env], state, &mut data, &mut events);
             let nearest = events.iter().map(|e| e.distance).fold(f64::INFINITY, f64::min);
             let speed = state[7..].iter().fold(0.0f64, |a, b| a.max(b.abs()));
             assert!(nearest.abs() < 2e-3 && speed < 0.1, "{world} {env}: {nearest} m from the surface at {speed} m/s or rad/s");
@@ -66,12 +66,12 @@ fn a_cube_comes_to_rest_in_every_world() {
     }
 }
 
-/// Boxes and pegs of a TOML are where it says, whichever axis is up.
+/// Boxes and pegs of a TOML are at their given positions, whichever axis is up.
 #[test]
 fn boxes_and_pegs_stand_on_the_plane() {
     let ball = urdf(&[link("ball", 1.0, [0.0; 3], [1e-3; 3], &collision([0.0; 3], r#"<sphere radius="0.05"/>"#))]);
     for (gravity, order) in [("[0.0, 0.0, -9.81]", [0, 1, 2]), ("[0.0, -9.81, 0.0]", [1, 2, 0])] {
-        // World axes by those of a world whose up is z.
+        // Axes of this world in terms of the axes of a world with z up.
         let turned = |x: [f64; 3]| order.map(|k: usize| x[k]);
         let text = format!(
             "{}{GROUND}box = [{{ size = [0.4, 0.4, 0.2], at = {:?} }}]\npeg = [{{ radius = 0.1, height = 0.5, at = {:?} }}]\n",

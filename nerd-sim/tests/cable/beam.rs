@@ -1,4 +1,4 @@
-//! Cables against what theory says of beams and of shafts. Of hanging chains and of energy the stability suite asks.
+//! Cables against the theory of beams and of shafts. The stability suite covers hanging chains and energy.
 
 use std::f64::consts::PI;
 
@@ -48,7 +48,7 @@ fn a_clamped_cable_sags_as_the_elastica_says() {
 #[test]
 fn a_cable_let_go_comes_to_rest_on_the_floor() {
     let system = cable("bending = 1e-3\ndamping = 1e-5\nlinks = 40\nheld = \"fixed\"\nat = [0.0, 0.0, 0.3]");
-    // With two it never quite comes to rest.
+    // With two substeps it never quite comes to rest.
     for (substeps, creep, bears) in [(2, 0.5, 0.2..0.9), (4, 0.01, 0.58..0.63), (16, 0.01, 0.58..0.63)] {
         let mut batch = batch(&system, "plane", 1);
         run(&mut accurate(&system, substeps), &mut batch, 0.0, 600);
@@ -62,7 +62,7 @@ fn a_cable_let_go_comes_to_rest_on_the_floor() {
     }
 }
 
-/// A cable that whips is solved at any number of substeps, since what is too fast is cut.
+/// A whipping cable is solved with any number of substeps, since too fast modes are cut.
 #[test]
 fn a_whip_is_followed_at_any_number_of_substeps() {
     let system = cable("bending = 1e-3\ndamping = 1e-5\nlinks = 40\nheld = \"fixed\"");
@@ -102,7 +102,7 @@ fn a_shaft_under_torque_twists_by_its_length_over_its_stiffness() {
     assert!((angle / theory - 1.0).abs() < 0.01, "{angle} rad, theory {theory}");
 }
 
-/// The slowest way of a shaft that is clamped at one end takes `4 L sqrt(i / G J)`, with the polar inertia i of a metre of it.
+/// The slowest oscillation of a shaft that is clamped at one end has the period `4 L sqrt(i / G J)`, with the polar inertia i per metre.
 #[test]
 fn a_twisted_shaft_swings_back_in_the_time_of_theory() {
     let twisting = 8e-6;

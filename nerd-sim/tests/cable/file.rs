@@ -49,15 +49,15 @@ fn a_cable_is_held_as_it_is_said() {
     }
 }
 
-/// Random data of some trajectories; the largest number in a state, or why there is none.
+/// Random data of some trajectories; returns the largest number in a state, or the error.
 fn data(system: &Arc<System>) -> Result<f64, String> {
     let config = GenerateConfig { transitions: 900, frames: 300, seed: 3, ..GenerateConfig::default() };
     let recording = record(system, &mut *system.spec.truth.solver(system), &config, 0, 3).map_err(|e| e.to_string())?;
     Ok(recording.states.iter().fold(0.0, |most: f64, x| most.max(x.abs())))
 }
 
-/// Whatever its springs are to a substep: of no damping said they are damped by as much as the substep asks for, and so are stiff ones
-/// of which too little is said.
+/// Any stiffness relative to the substep: without a damping in the file, springs get the damping that the substep needs, and so do stiff
+/// ones with too little.
 #[test]
 fn a_cable_of_any_stiffness_moves() {
     let whip = "at = [0.0, 0.0, 0.5]\nlinks = 40";

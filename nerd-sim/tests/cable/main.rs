@@ -1,4 +1,4 @@
-//! Cables: against theory, and what their files may say.
+//! Cables: against theory, and the content of their files.
 
 mod beam;
 #[path = "../common/mod.rs"]

@@ -1,19 +1,19 @@
-//! Slopes of a frame against central differences.
+//! Gradients of a frame against central differences.
 
 use nerd_core::tangent::{difference, moved};
 use nerd_sim::prelude::*;
 
-/// Solves of a substep until no drag changes any more, or so many: differences do not see what repetition left.
+/// Most solves of a substep until no drag changes any more: differences do not see the remaining error of the iteration.
 pub const SOLVES: usize = 1000;
 pub const SETTLED: f64 = 1e-13;
-/// Largest error of a column of slopes, against its size.
+/// Largest error of a column of derivatives, relative to its size.
 pub const EXACT: f64 = 1e-6;
 
 pub fn norm(x: impl IntoIterator<Item = f64>) -> f64 {
     x.into_iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// The difference of two columns against the size of the second.
+/// The difference of two columns relative to the size of the second.
 pub fn apart(a: &[f64], b: &[f64]) -> f64 {
     norm(a.iter().zip(b).map(|(a, b)| a - b)) / norm(b.iter().copied()).max(1e-12)
 }
@@ -22,6 +22,7 @@ pub fn apart(a: &[f64], b: &[f64]) -> f64 {
 pub fn only(batch: &Batch, state: &[f64]) -> Batch {
     let mut one = Batch::new(&batch.system, &batch.scenes[0], 1);
     one.drives = batch.drives.iter().take(batch.system.robot.joint_count()).copied().collect();
+    one.servo = batch.servo;
     one.reset(0, state);
     one
 }
@@ -47,8 +48,8 @@ pub fn identity(rows: usize) -> Vec<f64> {
     (0..rows * rows).map(|k| f64::from(k % (rows + 1) == 0)).collect()
 }
 
-/// Central differences, plain and extrapolated from each size to the next: those that agree best with the ones before them, from `size` down,
-/// and how well they agree. Where something changes within reach of them all, none do.
+/// Central differences, plain and extrapolated from each size to the next: returns those that agree best with their predecessors, from
+/// `size` down, and how well they agree. With a kink within reach of all of them, none agree.
 pub fn central(size: f64, mut side: impl FnMut(f64) -> Vec<f64>) -> (Vec<f64>, f64) {
     let mut of = |size: f64| side(size).iter().zip(side(-size)).map(|(a, b)| (a - b) / (2.0 * size)).collect::<Vec<f64>>();
     let (mut best, mut last) = ((Vec::new(), f64::INFINITY), [of(size), Vec::new()]);
@@ -67,8 +68,9 @@ pub fn central(size: f64, mut side: impl FnMut(f64) -> Vec<f64>) -> (Vec<f64>, f
     best
 }
 
-/// The worst errors of a state's slopes by state and by torque, of columns from these sizes of differences down, each against its own size or, of a solver in
-/// 32 bits, against the largest; none where differences disagree among themselves by more than `exact`.
+/// The worst errors of a state's derivatives with respect to state and torque, of columns from these sizes of differences down. Each is
+/// relative to its own size or, for a solver in 32 bits, to the largest; `None` where differences disagree among themselves by more than
+/// `exact`.
 pub fn errors(
     solver: &mut dyn Solver,
     batch: &Batch,
@@ -110,7 +112,7 @@ pub fn errors(
     Some(worst)
 }
 
-/// What was measured, in a line; whether it is as it should be: at most `exact`, with one in twenty left out at most.
+/// Prints the measured errors in a line; returns whether they are at most `exact`, with at most one in twenty left out.
 pub fn told(what: &str, mut errors: Vec<f64>, left_out: usize, exact: f64) -> bool {
     errors.sort_by(f64::total_cmp);
     let (all, worst) = (errors.len() + left_out, errors.last().copied().unwrap_or(f64::NAN));

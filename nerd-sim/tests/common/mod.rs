@@ -17,12 +17,12 @@ pub fn on_rubble(name: &str) -> Arc<System> {
     Arc::new((*built_in(name)).clone().with_terrain(rubble).expect("in range"))
 }
 
-/// The articulated solver with so many implicit substeps.
+/// The articulated solver with this number of implicit substeps.
 pub fn implicit(substeps: usize) -> Articulated {
     Articulated::new(ArticulatedConfig::implicit(substeps, Friction::Coulomb))
 }
 
-/// Settings that must agree on whatever does not touch.
+/// Settings that must agree without contact.
 pub fn presets(system: &System) -> [(&'static str, ArticulatedConfig); 4] {
     let law = Friction::Coulomb;
     [
@@ -70,7 +70,7 @@ pub fn end(solver: &mut (impl Solver + ?Sized), mut batch: Batch, torque: f64, f
     batch.states
 }
 
-/// What a refusal says, in one line.
+/// The message of a refusal, in one line.
 pub fn line<T>(refused: Result<T, impl std::fmt::Display>) -> String {
     let Err(error) = refused.map(|_| ()) else { panic!("it is not refused") };
     let said = error.to_string();
@@ -124,7 +124,39 @@ pub fn joint_table(name: &str, more: &str) -> String {
 /// `[[scene]]` with level ground.
 pub const GROUND: &str = "[[scene]]\nname = \"ground\"\nplane = { height = 0.0, angles = [0.0, 0.0, 0.0] }\n";
 
-/// A table of the reference simulator: its columns by name, and in each row what is a number.
+/// A trunk on four legs, of geoms with condim 1, 3, 4 and 6 and margins, a pair, and a trunk that nothing meets.
+pub fn crawler() -> Arc<System> {
+    let leg = |k: usize, x: f64, y: f64, condim: usize| {
+        format!(
+            r#"<body name="l{k}" pos="{x} {y} 0"><joint name="j{k}" axis="0 1 0" armature=".01" damping=".1"/><geom name="f{k}" type="sphere"
+            size=".04" pos=".05 0 -.1" mass=".2" condim="{condim}" margin=".002" friction=".8 .01 .005"/></body>"#
+        )
+    };
+    let legs = [leg(0, 0.15, 0.1, 6), leg(1, 0.15, -0.1, 4), leg(2, -0.15, 0.1, 1), leg(3, -0.15, -0.1, 3)].concat();
+    let text = format!(
+        r#"<mujoco><worldbody><geom name="floor" type="plane" size="5 5 .1" friction=".5 .02 .01"/><body name="trunk" pos="0 0 .15"><freejoint/>
+        <geom name="trunk" type="box" size=".2 .1 .03" mass="2" contype="2" conaffinity="2"/>{legs}</body></worldbody>
+        <contact><pair geom1="floor" geom2="f3" condim="6" friction=".4 .4 .02 .01 .01" margin=".004"/></contact></mujoco>"#
+    );
+    Arc::new(System::from_text("crawler", &text, None).expect("a robot"))
+}
+
+/// A trunk with armature and damping on its free joint, partly gravity-compensated, as are its legs and a box on one of them.
+pub const LIFTED: &str = r#"<mujoco><worldbody><geom name="floor" type="plane" size="5 5 .1"/><body name="trunk" pos="0 0 .2" gravcomp=".4">
+    <joint type="free" armature=".3" damping=".7"/><geom type="box" size=".2 .1 .03" pos=".03 0 .01" mass="2"/>
+    <body name="left" pos=".1 .12 0" gravcomp="1"><joint name="a" axis="0 1 0" armature=".01" damping=".1"/>
+    <geom type="sphere" size=".04" pos=".05 0 -.1" mass=".5"/><body name="box" pos="0 0 -.1"><geom type="box" size=".02 .03 .02" mass=".3"/></body></body>
+    <body name="right" pos=".1 -.12 0" gravcomp="1.3"><joint name="b" axis="1 .2 0" armature=".01" damping=".1"/>
+    <geom type="sphere" size=".04" pos=".05 0 -.1" mass=".5"/></body></body></worldbody>
+    <actuator><motor joint="a" ctrlrange="-1 1"/><motor joint="b" ctrlrange="-1 1"/></actuator></mujoco>"#;
+
+/// Puts a batch of those near the ground.
+pub fn drop_low(batch: &mut Batch) {
+    let d = batch.system.robot.state_dim();
+    batch.states.chunks_exact_mut(d).enumerate().for_each(|(env, state)| (state[2], state[12]) = (0.15, env as f64));
+}
+
+/// A table of the reference simulator: its columns by name, and the numeric cells of each row.
 pub struct Reference {
     pub columns: Vec<String>,
     pub rows: Vec<Vec<Option<f64>>>,
@@ -139,7 +171,7 @@ impl Reference {
     pub fn read(file: &str) -> Option<Self> {
         let path = Self::path(file);
         if !path.exists() {
-            // Past the test harness, which keeps printed lines of tests that pass to itself.
+            // Bypasses the test harness, which captures the output of tests that pass.
             use std::io::Write;
             let _ = writeln!(std::io::stderr(), "skipped: no reference data ({file})");
             return None;

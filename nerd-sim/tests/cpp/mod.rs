@@ -1,4 +1,4 @@
-//! Kernels as programs of this machine: their text is plain C++, too.
+//! Kernels as programs of this machine: their text is also plain C++.
 
 // Each test file is a crate of its own and uses a part of this.
 #![allow(dead_code)]
@@ -36,7 +36,7 @@ const END: &str = "
 }
 ";
 
-/// A compiler of C++, and a folder for what it makes.
+/// A C++ compiler, and a folder for its output.
 pub struct Compiler {
     name: &'static str,
     folder: tempfile::TempDir,
@@ -52,7 +52,7 @@ impl Compiler {
         Some(Self { name, folder: tempfile::tempdir().expect("a folder") })
     }
 
-    /// What the program of a text answers to this input.
+    /// Output of a text's program for this input.
     pub fn run(&self, text: &str, input: Vec<u8>) -> Vec<u8> {
         let (source, made) = (self.folder.path().join("kernels.cpp"), self.folder.path().join("kernels"));
         std::fs::write(&source, text).expect("a file");
@@ -67,7 +67,7 @@ impl Compiler {
         output.stdout
     }
 
-    /// What kernels of a text leave in buffers, which the lines of `launches` know as `b[0]`, `b[1]` and so on.
+    /// Content of buffers after a text's kernels; the lines of `launches` refer to them as `b[0]`, `b[1]` and so on.
     pub fn launch(&self, text: &str, launches: &str, buffers: &[Vec<u8>]) -> Vec<Vec<u8>> {
         let mut input = (buffers.len() as i32).to_le_bytes().to_vec();
         buffers.iter().for_each(|b| input.extend((b.len() as i64).to_le_bytes().iter().chain(b)));

@@ -1,4 +1,4 @@
-//! Arrays say the same as the table that they were made from, and what is wrong with them is a line.
+//! Arrays give the same log as the table they were made from, and each fault gives one line.
 
 use std::{collections::HashMap, io::Write, path::Path};
 
@@ -79,7 +79,7 @@ fn arrays_say_what_the_table_says() {
     let (arrays, toml) = stacked(&all);
     same(read(folder.path(), &toml, "b.npz", &npz(&arrays, "<f8", "False")).expect("arrays"));
     same(read(folder.path(), &toml, "b.safetensors", &tensors(&arrays)).expect("arrays"));
-    // Rows are frames where nothing says when they were.
+    // Without times, rows are frames.
     let frames = read(folder.path(), &toml.replace("time = \"t\"\n", ""), "b.npz", &npz(&arrays[1..], "<f8", "False")).expect("arrays");
     assert_eq!(frames.trajectories, told.trajectories);
     let single = read(folder.path(), &toml, "c.npz", &npz(&arrays, "<f4", "False")).expect("arrays");
@@ -98,7 +98,7 @@ fn arrays_say_what_the_table_says() {
     assert_eq!(Log::read(&folder.path().join("log.toml"), None).expect("a folder").trajectories, told.trajectories);
 }
 
-/// A torque that is not a number is one that nobody knows, as an empty cell is.
+/// A torque that is NaN is unknown, as an empty cell is.
 #[test]
 fn torques_have_gaps_in_arrays_too() {
     let (system, folder) = (built_in("cartpole"), tempfile::tempdir().expect("a folder"));

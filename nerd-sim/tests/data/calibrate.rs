@@ -1,4 +1,4 @@
-//! Calibration finds what made the measurements, and says what they do not determine.
+//! Calibration recovers the parameters behind the measurements, and shows which ones they do not determine.
 
 use nerd_sim::{calibrate::*, log::Log, prelude::*};
 
@@ -7,7 +7,7 @@ use crate::tossed::{cube, folder, header, text, tosses};
 
 /// A cube as described, on its table.
 fn subject(system: &Arc<System>) -> Subject {
-    // As the tosses were made: another number of substeps is another friction by some percent.
+    // As for the tosses: another number of substeps changes the effective friction by some percent.
     let implicit = ArticulatedConfig::implicit(16, Friction::Coulomb);
     Subject::new(system, "ground", Engine::Articulated(implicit)).expect("a table")
 }
@@ -38,12 +38,12 @@ fn a_shifted_mass_and_a_smooth_table_are_found() {
     assert!(off[0] < 5e-4 && off[1] < 0.01, "{off:?} from what made the measurements (m, 1)");
     assert!(fit.after.position < 0.2 * fit.before.position, "{:?} of {:?}", fit.after, fit.before);
     assert!((10..300).contains(&told), "a descent of {told} evaluations");
-    // A solver without slopes is searched, with all that it may.
+    // A solver without gradients is searched, with its whole budget.
     let mut searched = Subject::new(&log.system, "ground", Engine::Rapier(RapierConfig::default())).expect("a table");
     searched.lag = subject.lag;
     let other = searched.fit(&chosen, &trials, config, &mut |done, _| told = done).expect("a fit");
     assert!(told >= 300 && other.objective < 0.9, "a search of {told} evaluations, objective {}", other.objective);
-    // Along a parameter the objective is least where the fit stands.
+    // Along a parameter the objective is least at the fit.
     let profiles = subject.profiles(&chosen, &fit, &trials, 5).expect("profiles");
     for (profile, value) in profiles.iter().zip(&fit.values) {
         let least = profile.iter().min_by(|a, b| a[1].total_cmp(&b[1])).expect("places");
@@ -68,8 +68,8 @@ fn twice_the_size_under_twice_the_gravity_moves_alike() {
     assert!(off < 1e-9 && (a[0] - 0.3).abs() > 0.1, "{off:e} rad apart after a second: {a:?}, {b:?}");
 }
 
-/// Tosses that end where they were measured to, but turned as a cube of more inertia: places without an error have no unit and no weight, and
-/// angles alone say what the inertia is. And every seed is a seed.
+/// Tosses that end at their measured positions, but rotated as a cube of more inertia. Positions without an error have no unit and no
+/// weight, so angles alone determine the inertia. Every seed is accepted.
 #[test]
 fn what_is_right_already_weighs_nothing() {
     let (log, truth) = (log(&["inertia"], &[1.2]), 1.2);
@@ -140,7 +140,7 @@ fn what_a_solver_refuses_is_an_error() {
     assert!(Parameter::usual(&system, "ground", true).expect("parameters").iter().all(|p| !p.name.starts_with("joint-friction")));
 }
 
-/// The double pendulum that is real, as its file describes it.
+/// The real double pendulum, as its file describes it.
 fn swung() -> Subject {
     let system = System::named(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/logs/double-pendulum.urdf")).expect("the sample's robot");
     let engine = Engine::Articulated(ArticulatedConfig::accurate(&system));
@@ -175,7 +175,7 @@ fn shown(subject: &Subject, id: u64, frames: usize) -> Vec<Trial> {
     log.trials(41, 40)
 }
 
-/// However late torques act: less than a frame, a frame, more, or as late as they may.
+/// Any delay of torques: less than a frame, a frame, more, and the largest.
 #[test]
 fn a_delay_is_found_over_two_frames() {
     let (nominal, config) = (swung(), FitConfig { evaluations: 200, ..FitConfig::default() });
@@ -188,7 +188,8 @@ fn a_delay_is_found_over_two_frames() {
     }
 }
 
-/// Torques that act late and not whole, a drive's inertia and its dry friction are found together with the zeros of sensors, which differ by trajectory.
+/// Delay and strength of torques, a drive's inertia and its dry friction are found together with the zeros of sensors, which differ by
+/// trajectory.
 #[test]
 fn drives_and_sensors_are_found() {
     let nominal = swung();
@@ -212,7 +213,7 @@ fn drives_and_sensors_are_found() {
         let off = fit.own[&(k as u64)].iter().zip(zeros).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(off < 1e-3, "trajectory {k}: zeros {:?}, {zeros:?} made the measurements", fit.own[&(k as u64)]);
     }
-    // What is shared fits no trajectory where its own are not known.
+    // The shared parameters fit no trajectory without its own ones.
     let told = nominal.with(&shared, &fit.shared.values).expect("values");
     let [without, with] = [told.clone(), told.with(&own, &fit.own[&1]).expect("values")].map(|s| {
         let own: Vec<Trial> = trials.iter().filter(|t| t.id == 1).cloned().collect();

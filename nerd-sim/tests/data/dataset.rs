@@ -1,4 +1,4 @@
-//! Shards on disk: whole or not there, the same bytes again after an interruption, never those of other settings.
+//! Shards on disk: complete or absent, the same bytes again after an interruption, never from other settings.
 
 use std::{f64::consts::PI, path::Path};
 
@@ -43,7 +43,7 @@ fn an_interrupted_generation_ends_with_the_bytes_of_an_unbroken_one() {
     std::fs::remove_file(folder.path().join("manifest.json")).expect("removed");
     assert_eq!(make(folder.path(), 3, 20), first);
     assert!(bytes(folder.path()) == whole, "the files differ after the repair");
-    // One bit is seen, too.
+    // A single flipped bit is detected, too.
     let (path, mut damaged) = (folder.path().join("shard-00000.safetensors"), whole[1].1.clone());
     let last = damaged.len() - 9;
     damaged[last] ^= 1;
@@ -96,7 +96,7 @@ fn held_actions_stay_for_as_many_frames_as_drawn_and_resets_start_in_their_box()
     assert!((20..=44).contains(&near), "{near} of 64 start where episodes do, half were asked for");
 }
 
-/// The reuse key is what the system is, not what it is called.
+/// The reuse key depends on the system's content, not on its name.
 #[test]
 fn shards_of_another_system_of_the_same_name_are_made_anew() {
     let (toml, urdf) = System::texts("cartpole").expect("built in");
@@ -131,8 +131,8 @@ fn shards_of_another_system_of_the_same_name_are_made_anew() {
     assert_eq!(make(folder.path(), &columns).1, first, "names of columns are no part of the data");
 }
 
-/// Older data is made again: starts, scenes and torques of robots without `[vary]`, and of one with keys that it has long had, come from the
-/// same draws as ever. (Of what follows of them the last bits are the machine's.)
+/// Older data is reproduced: starts, scenes and torques of robots without `[vary]`, and of one with long-standing keys, come from the same
+/// draws as ever. (The last bits of everything after them depend on the machine.)
 #[test]
 fn draws_stay_what_they_were() {
     let (toml, urdf) = System::texts("cartpole").expect("built in");

@@ -4,6 +4,7 @@ use std::io::{Error, ErrorKind, Write};
 use std::path::Path;
 
 use nerd_sim::files::{claim, read_text, write, write_with};
+use nerd_sim::prelude::System;
 
 fn names(folder: &Path) -> Vec<String> {
     let mut names: Vec<_> =
@@ -117,4 +118,27 @@ fn a_text_that_is_none_is_told_with_its_place() {
     let full = |file: &mut dyn Write| file.write_all(b"ha").and(Err(Error::other("disk full")));
     assert!(write_with(&path, full).expect_err("full").to_string().contains("disk full"));
     assert_eq!(names(folder.path()), ["text"]);
+}
+
+/// Sparse ones: a text that a robot is in, a table, arrays.
+#[test]
+fn files_beyond_their_bounds_are_refused_with_their_size() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let large = |name: &str, bytes: u64| {
+        let path = folder.path().join(name);
+        std::fs::File::create(&path).and_then(|file| file.set_len(bytes)).expect("a sparse file");
+        path
+    };
+    for name in ["a.urdf", "a.xml", "a.toml"] {
+        let said = System::named(&large(name, 1 << 30).display().to_string()).expect_err("too large").to_string();
+        assert!(said.contains("has 1024 MB; at most 64 MB are read") && said.contains(name), "{said}");
+    }
+    #[cfg(feature = "csv")]
+    {
+        let system = System::named("pendulum").expect("built in");
+        let said = nerd_sim::rollout::States::read(&large("a.csv", 1 << 40), &system).err().map_or_else(String::new, |e| e.to_string());
+        assert!(said.contains("has 1048576 MB; at most 2048 MB are read"), "{said}");
+    }
+    let said = nerd_sim::files::read(&large("a.safetensors", 1 << 42)).expect_err("too large").to_string();
+    assert!(said.contains("has 4194304 MB; at most "), "{said}");
 }

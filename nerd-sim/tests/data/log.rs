@@ -1,5 +1,5 @@
-//! Measurements as people keep them: what is read, what is tidied up and said, and what is refused with a line that says where.
-//! The measurements are made by a solver, so that every number is known.
+//! Measurements as people keep them: reading, corrections with notes, and refusals that name the position. A solver makes the measurements,
+//! so that every number is known.
 
 use std::path::Path;
 
@@ -61,7 +61,7 @@ fn a_turned_copy_is_left_out_and_a_hand_lets_go() {
     let log = read(&text(&held), header());
     assert!(log.notes.iter().any(|n| n.starts_with("2 trajectories do not fall freely")), "{:?}", log.notes);
     let left = log.trajectories[0].states.len();
-    // Where falling begins is known to half of the 12 frames that tell a fall.
+    // The start of a fall is known to within half of the 12 frames that identify it.
     assert!((54..=66).contains(&left), "{left} frames are left of 80, 60 of them free");
 }
 
@@ -76,7 +76,7 @@ fn changed(table: &str, f: &dyn Fn(usize, &mut [f64])) -> String {
     [vec![head.to_string()], rows.lines().enumerate().map(row).collect()].concat().join("\n")
 }
 
-/// Times to the millisecond, semicolons, rates a third too large, a glitch, a file that ended before it began.
+/// Times to the millisecond, semicolons, velocities a third too large, a glitch, a trajectory that ends before it began.
 #[test]
 fn what_is_odd_is_read_and_said() {
     let all = tosses(&cube(), 3, 60);
@@ -105,7 +105,7 @@ fn what_is_odd_is_read_and_said() {
     assert!(empty.contains("cube.csv") && empty.contains("no rows"), "{empty}");
 }
 
-/// Lines that say what and where, and what would be right.
+/// Error lines that name fault, position and correction.
 #[test]
 fn what_cannot_be_right_is_refused() {
     let all = tosses(&cube(), 3, 60);
@@ -135,7 +135,7 @@ fn what_cannot_be_right_is_refused() {
     }
 }
 
-/// A slider in millimetres, and a hinge that passes pi: written with all its turns and without rates.
+/// A slider in millimetres, and a hinge that passes pi: written with all its turns and without velocities.
 #[test]
 fn joints_have_units_of_their_own_and_no_seams() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -161,7 +161,7 @@ fn joints_have_units_of_their_own_and_no_seams() {
     }
 }
 
-/// Long rests, whose rates are noise, say nothing of those of the motion.
+/// Long rests, whose velocities are noise, do not affect the check of velocities in motion.
 #[test]
 fn rest_refuses_nothing() {
     let mut all = tosses(&cube(), 3, 60);
@@ -178,7 +178,7 @@ fn rest_refuses_nothing() {
     assert_eq!(log.trajectories[0].states.len(), 210);
 }
 
-/// A scale of length that is 2 % short is worth a line, no more.
+/// A scale of length that is 2 % short gives a note only.
 #[test]
 fn free_fall_tells_the_scale() {
     let log = read(&text(&tosses(&cube(), 3, 60)), &header().replace("cube.urdf", "heavy.urdf"));
@@ -196,8 +196,8 @@ fn the_sample_is_read() {
     assert!((log.system.frame_time - 1.0 / 148.0).abs() < 1e-12);
 }
 
-/// Tables in a folder, torques that are not known everywhere, a rate that is a multiple of the robot's; and pieces in which every sequence of
-/// frames is once, but for those of a last piece.
+/// Tables in a folder, partly unknown torques, a row rate that is a multiple of the robot's; and pieces in which every sequence of frames
+/// occurs once, except in a last piece.
 #[test]
 fn a_folder_of_tables_becomes_pieces() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -240,9 +240,9 @@ fn a_folder_of_tables_becomes_pieces() {
     first.sort_unstable();
     first.dedup();
     assert_eq!(first, (0..=27).collect::<Vec<_>>(), "sequences of {sequence} frames begin at each of them");
-    // Contacts are those of the robot's own geometry.
+    // Contacts are computed from the robot's own geometry.
     let mut events = Vec::new();
-    contacts(&system.robot, &system.scene("ground1").expect("a scene"), &recording.states[..4], &mut Data::new(&system.robot), &mut events);
+    contacts(&system, &system.scene("ground1").expect("a scene"), &recording.states[..4], &mut Data::new(&system.robot), &mut events);
     let depths: Vec<f64> = events.iter().map(|e| e.distance).collect();
     assert_eq!(recording.depths[..depths.len()], depths[..]);
 

@@ -52,7 +52,7 @@ fn pegs_differ_by_trajectory_and_stand_clear_of_the_start() {
     for env in 0..8 {
         let scene = &batch.scenes[env];
         assert!((2..=5).contains(&scene.colliders.len()), "the ground and up to four pegs, not {}", scene.colliders.len());
-        contacts(&system.robot, scene, batch.state(env), &mut data, &mut events);
+        contacts(&system, scene, batch.state(env), &mut data, &mut events);
         let least = events.iter().map(|e| e.distance).fold(f64::MAX, f64::min);
         assert!(least >= 0.004, "trajectory {env} starts {least} m from a surface");
         places.push(format!("{:?}", scene.colliders.iter().map(|c| c.pose).collect::<Vec<_>>()));

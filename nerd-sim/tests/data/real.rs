@@ -1,10 +1,10 @@
-//! A real double pendulum: its runs differ in the zeros of its encoders, which the first seconds of a run tell.
+//! A real double pendulum: its runs differ in the zeros of its encoders, which the first seconds of a run determine.
 
 use std::path::Path;
 
 use nerd_sim::{calibrate::*, log::Log, prelude::*};
 
-/// What runs share.
+/// Parameters that all runs share.
 const SHARED: [&str; 10] = [
     "com.z:upper",
     "com.z:lower",
@@ -17,10 +17,10 @@ const SHARED: [&str; 10] = [
     "joint-friction:elbow",
     "delay",
 ];
-/// What each has of its own, and what it may have so near what all share.
+/// Parameters of each run, and shared ones that it may vary slightly.
 const ZEROS: [&str; 2] = ["zero:shoulder", "zero:elbow"];
 const FRICTION: [&str; 2] = ["joint-friction:shoulder", "joint-friction:elbow"];
-/// The run that is judged, and frames that are known of it.
+/// The held-out run, and its frames used to fit its zeros.
 const JUDGED: u64 = 12;
 const KNOWN: usize = 300;
 
@@ -32,7 +32,7 @@ fn apart(subject: &Subject, trials: &[Trial]) -> f64 {
     mean(&subject.distances(trials).expect("rollouts")).joints
 }
 
-/// Errors of 1 s from 3 s on, the mean of both joints (rad). The run that is judged repeats no command of the others.
+/// Errors over 1 s from 3 s on, the mean of both joints (rad). The held-out run repeats no command of the others.
 #[test]
 fn a_run_tells_its_own_zeros() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/logs/double-pendulum.log.toml");
@@ -66,7 +66,7 @@ fn a_run_tells_its_own_zeros() {
     let found = [0.0, 10.0, 1e5].map(|weight| told(&own, weight));
     println!("calibrated {calibrated:.4}, its zeros {zeros:.4}, and its friction, ever nearer what all share {found:.5?}");
     assert!(zeros < 0.4 * calibrated && found.iter().all(|f| f.0 < 0.4 * calibrated), "{zeros} {found:?}");
-    // What is held moves the less, the more that costs; in the end not at all.
+    // A parameter held near its nominal value moves less, the higher the cost; finally not at all.
     assert!(found[0].1 > found[1].1 && found[1].1 > found[2].1 && found[2].1 < 1e-3, "{found:?}");
     assert!((found[2].0 - zeros).abs() < 1e-3 * hold, "{zeros} {found:?}");
 }

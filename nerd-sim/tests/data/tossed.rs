@@ -8,18 +8,18 @@ use nerd_sim::{prelude::*, sampling::normal, suite::bodies::Body};
 
 use crate::common::{at, implicit, motion};
 
-/// One toss, and what is done to it as it is written.
+/// One toss, and the changes made to it in writing.
 #[derive(Clone, Debug)]
 pub struct Toss {
     pub id: u64,
     pub states: Vec<Vec<f64>>,
-    /// Turned by so much about the vertical.
+    /// Rotated by this angle about the vertical.
     pub turned: f64,
-    /// Every so many states.
+    /// Writes every `stride`-th state.
     pub stride: usize,
-    /// But not these.
+    /// Skips these rows.
     pub skip: Range<usize>,
-    /// After being held where it begins for so many frames.
+    /// Frames for which it is held at its start first.
     pub held: usize,
 }
 
@@ -41,7 +41,7 @@ pub fn tosses(system: &Arc<System>, count: u64, frames: usize) -> Vec<Toss> {
     (0..count).map(toss).collect()
 }
 
-/// How the row of a frame begins.
+/// The first columns of a frame's row.
 pub fn stamp(id: u64, frame: usize) -> String {
     format!("{id},{:.9}", frame as f64 / 148.0)
 }

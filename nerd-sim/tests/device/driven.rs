@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Legs of three joints, some of which rub, some within limits so near that a substep meets both; the last one's foot follows its hip.
+/// Legs of three joints, some with friction, some with limits so near that a substep meets both; the last one's foot follows its hip.
 fn legged(legs: usize) -> String {
     let ball = collision([0.1, 0.0, 0.0], r#"<sphere radius="0.02"/>"#);
     let mut parts = vec![link("trunk", 3.0, [0.0; 3], [0.05; 3], "")];
@@ -29,7 +29,7 @@ fn drives_of_every_kind_move_as_the_solver_has_them() {
          plane = {{ height = 0.0, angles = [0.2, 0.1, 0.0] }}\npeg = [{{ radius = 0.1, height = 0.5, at = [0.1, 0.2, 0.0] }}]"
     );
     let (legged, chain) = (legged(12), chain(10));
-    // A chain so long has whips, and is short enough for the matrix.
+    // A chain of this length whips, and is short enough for the matrix.
     for (text, floating, soft) in [(legged, true, 1.0), (chain, false, 1e-3)] {
         let toml = toml.replace("floating = true", &format!("floating = {floating}"));
         let system = Arc::new(System::from_text("driven", &text, Some(&toml)).expect("a robot"));
@@ -54,4 +54,19 @@ fn drives_of_every_kind_move_as_the_solver_has_them() {
             assert!(apart.states(0) < 1e-8 && apart.forces < 1e-7, "floating {floating}, x{substeps}: {apart:?}");
         }
     }
+}
+
+#[test]
+fn servos_move_as_the_solver_has_them_and_go_back() {
+    let Some(compiler) = Compiler::find() else { return };
+    let mut case = sampled("anymal", "ground", ArticulatedConfig::accurate(&built_in("anymal")));
+    let mut system = (*case.batch.system).clone();
+    system.spec.control.as_mut().expect("a position law").servo = true;
+    // A velocity law, and a joint without a law.
+    (system.spec.joints[1].kp, system.spec.joints[2].kp, system.spec.joints[2].kd) = (0.0, 0.0, 0.0);
+    (case.batch.system, case.batch.servo) = (Arc::new(system), true);
+    let [double, single] = [Real::F64, Real::F32].map(|real| case.apart(&compiler, real, 1));
+    assert!(double.states(0) < 1e-9 && double.forces < 1e-7 && single.states(0) < 1e-3, "{double:?}, f32 {single:?}");
+    let [double, single] = [Real::F64, Real::F32].map(|real| back_apart(&case, &compiler, real));
+    assert!(double[39] < 1e-9 && single[38] < 1e-3 && single[39] < 0.1, "{double:?}, f32 {single:?}");
 }

@@ -1,4 +1,4 @@
-//! Instruments around a solver change what they say and nothing else.
+//! Instruments around a solver have their documented effect and no other.
 
 use nerd_sim::instruments::{Glide, Hold, Recorder, Replay, Shaken, Timed};
 use nerd_sim::suite::bodies::Body;
@@ -35,7 +35,7 @@ fn timed_and_recorded_motion_is_the_same_and_replays() {
     assert!(refused.contains("12 numbers") && refused.contains("has 8"), "{refused}");
 }
 
-/// A frame in which one environment is set aside is a frame of the others.
+/// A frame in which one environment fails counts for the others.
 #[test]
 fn a_recorder_misses_no_frame() {
     let mut batch = pendulums(2);

@@ -19,7 +19,7 @@ fn the_pendulum_does_not_sink_into_the_ground() {
         .map(|_| {
             run(&mut solver, &mut batch, 0.0, 1);
             let depths = (0..8).flat_map(|env| {
-                contacts(&system.robot, &batch.scenes[env], batch.state(env), &mut data, &mut events);
+                contacts(&system, &batch.scenes[env], batch.state(env), &mut data, &mut events);
                 let depth = |(event, point): (&ContactEvent, &ContactPoint)| point.radius - event.distance;
                 events.iter().zip(&system.robot.contact_points).map(depth).collect::<Vec<_>>()
             });
@@ -95,4 +95,30 @@ fn contacts_bounce_as_far_as_they_are_told_to() {
     assert!(none < 1e-3 && (half / 0.05 - 1.0).abs() < 0.2, "{none} m, {half} m");
     let said = line(solver(1.5).step(&mut dropped.clone(), &[]));
     assert!(said.contains("restitution is 1.5"), "{said}");
+}
+
+/// A crate on a floor of a file: each pair of geoms has its own friction, what never meets falls through, and what rapier has not is refused.
+#[test]
+fn geoms_of_a_file_meet_as_it_says() {
+    let after = |geom: &str, frames: usize| {
+        let text = format!(
+            r#"<mujoco><worldbody><geom type="plane" size="5 5 .1" friction="1"/><body name="crate" pos="0 0 .1"><freejoint/>
+            <geom type="box" size=".1 .1 .1" density="500" {geom}/></body></worldbody></mujoco>"#
+        );
+        let system = Arc::new(System::from_text("crate", &text, None).expect("a robot"));
+        let mut batch = batch(&system, "plane", 1);
+        (batch.states[2], batch.states[10]) = (0.1, 1.0);
+        let mut solver = Rapier::new(RapierConfig::default());
+        (0..frames).try_for_each(|_| solver.step(&mut batch, &[])).map(|()| batch.states)
+    };
+    let (slid, way) = (after(r#"friction=".2" priority="1""#, 90).expect("steps")[0], 1.0 / (2.0 * 0.2 * 9.81));
+    // What touches is held a frame later.
+    assert!((slid - way - 1.0 / 60.0).abs() < 0.005, "it slides by {slid} m, not {way}");
+    let smooth = after(r#"condim="1" priority="1""#, 60).expect("steps")[0];
+    assert!((smooth - 1.0).abs() < 0.02, "without friction it slides by {smooth} m in 1 s");
+    let (through, fallen) = (after(r#"contype="2" conaffinity="2""#, 30).expect("steps")[2], 0.1 - 0.5 * 9.81 * 0.25);
+    assert!((through - fallen).abs() < 0.05, "what meets nothing is at {through} m, not {fallen}");
+    let lifted = after(r#"margin=".03""#, 60).expect("steps")[2];
+    assert!((lifted - 0.13).abs() < 0.002, "over its margin it rests at {lifted} m");
+    assert!(line(after(r#"condim="6""#, 1)).contains("rolling friction"));
 }

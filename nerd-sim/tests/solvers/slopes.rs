@@ -1,4 +1,4 @@
-//! Slopes of a frame against central differences, on states that random torques visit.
+//! Gradients of a frame against central differences, on states that random torques visit.
 
 use nerd_core::tangent::{difference, moved};
 use nerd_sim::prelude::*;
@@ -7,15 +7,19 @@ use rand::RngExt;
 use super::common::differences::*;
 use super::common::*;
 
-/// Largest error of a cable's slopes, whose light links turn rounding into more.
+mod spins;
+
+/// Largest error of a cable's gradients, whose light links amplify rounding.
 const LIGHT: f64 = 1e-5;
+/// The same for torsional and rolling friction, whose drags change much within 1e-3 rad/s.
+const HELD: f64 = 1e-5;
 
 /// With four implicit substeps.
 fn four() -> ArticulatedConfig {
     ArticulatedConfig::implicit(4, Friction::Coulomb)
 }
 
-/// Random torques of every joint of so many environments.
+/// Random torques for every joint of `envs` environments.
 fn pushed(system: &System, envs: usize, random: &mut impl RngExt) -> Vec<f64> {
     let amplitudes = system.torque_amplitudes();
     (0..envs).flat_map(|_| &amplitudes).map(|a| a * random.random_range(-1.0..=1.0)).collect()
@@ -28,7 +32,18 @@ fn begun(system: &Arc<System>, scene: &str, envs: usize) -> Batch {
     batch
 }
 
-/// The worst error of a state's slopes, or none where differences disagree among themselves or the solves of a substep have no end.
+/// ANYmal whose position law acts inside the frame; one joint has a velocity law, one none.
+fn served() -> Arc<System> {
+    altered("anymal", |system| {
+        system.spec.control.as_mut().expect("a position law").servo = true;
+        // Soft: under stiff gains the solves of more frames do not converge.
+        system.spec.joints.iter_mut().for_each(|joint| (joint.kp, joint.kd) = (40.0, 4.0));
+        (system.spec.joints[1].kp, system.spec.joints[2].kp, system.spec.joints[2].kd) = (0.0, 0.0, 0.0);
+    })
+}
+
+/// The worst error of a state's gradients, or `None` where differences disagree among themselves or the solves of a substep do not
+/// converge.
 fn error(config: ArticulatedConfig, batch: &Batch, state: &[f64], torques: &[f64], exact: f64) -> Option<f64> {
     let mut solver = settled(config);
     let next = stepped(&mut solver, batch, state, torques);
@@ -37,11 +52,11 @@ fn error(config: ArticulatedConfig, batch: &Batch, state: &[f64], torques: &[f64
     if endless(config, batch, state, torques, &next) {
         return None;
     }
-    // Torques do less, and in proportion.
+    // Torques have smaller, linear effects.
     errors(&mut solver, batch, state, torques, [3e-5, 3e-2], (exact, true)).map(|errors| errors[0].max(errors[1]))
 }
 
-/// Errors of slopes on states that random torques visit within so many frames.
+/// Errors of gradients on states that random torques visit within `frames` frames.
 fn check(what: &str, mut batch: Batch, frames: usize, exact: f64) {
     let (system, mut solver, mut random) = (batch.system.clone(), settled(four()), stream(1, 0));
     let (mut errors, mut left_out, joints) = (Vec::new(), 0, system.robot.joint_count());
@@ -78,6 +93,9 @@ fn slopes_know_joints_that_rub_spring_follow_and_are_driven() {
     let mut driven = begun(&built_in("ant"), "ground", 4);
     driven.drives = vec![Drive { kp: 50.0, kd: 3.0, target: 0.3, speed: 0.1, effort: 8.0 }; 4 * driven.system.robot.joint_count()];
     check("drives, some at their effort", driven, 60, EXACT);
+    let mut served = begun(&served(), "ground", 4);
+    served.servo = true;
+    check("servos, of position laws and of one of velocity", served, 60, EXACT);
     let cable = "[cable]\nlength = 0.5\ndiameter = 0.008\nmass = 0.08\nbending = 1e-3\ndamping = 1e-5\nlinks = 6\nat = [0.0, 0.0, 0.3]\n";
     let cable = Arc::new(System::from_toml("cable", cable).expect("a cable"));
     check("a cable, solved along its tree", begun(&cable, "free", 4), 60, LIGHT);
@@ -98,9 +116,109 @@ fn slopes_know_joints_that_rub_spring_follow_and_are_driven() {
         Arc::new(System::bare("grip", &urdf(&parts), true).expect("a gripper"))
     };
     let mut grips = begun(&grip, "plane", 8);
-    // They come down about the tenth frame. Where one only rolls, dampers begin and end to act all the time.
+    // They land about the tenth frame. While one only rolls, dampers switch on and off all the time.
     grips.states.chunks_exact_mut(grip.robot.state_dim()).enumerate().for_each(|(env, state)| state[2] += 0.17 + 0.004 * env as f64);
     check("a finger that follows another", grips, 20, EXACT);
+}
+
+#[test]
+fn slopes_know_lifted_links_and_a_damped_root() {
+    let lifted = Arc::new(System::from_text("lifted", LIFTED, Some("like = \"urdf\"")).expect("a robot"));
+    for scene in ["ground", "free"] {
+        check(&format!("weight taken off, in {scene}"), begun(&lifted, scene, 4), 60, EXACT);
+    }
+}
+
+#[test]
+fn slopes_know_torsional_and_rolling_friction_and_margins() {
+    for (name, scene) in [("cube", "ground"), ("ant", "ground")] {
+        let turning = altered(name, |s| (s.spec.material.torsion, s.spec.material.rolling, s.spec.material.margin) = (0.02, 0.01, 0.005));
+        check(&format!("{name} with torsional and rolling friction"), begun(&turning, scene, 4), 100, HELD);
+    }
+    let crawler = crawler();
+    assert!(crawler.surfaces.turns(), "no geom turns");
+    let mut all = batch(&crawler, "plane", 4);
+    drop_low(&mut all);
+    check("geoms of a file", all, 100, HELD);
+}
+
+/// Gradients with respect to the numbers of a material, each perturbed by itself.
+#[test]
+fn slopes_by_a_material_are_those_of_central_differences() {
+    type Key = fn(&mut Material) -> &mut f64;
+    let keys: [(&str, Key); 7] = [
+        ("stiffness", |m| &mut m.stiffness),
+        ("damping", |m| &mut m.damping),
+        ("friction_damping", |m| &mut m.friction_damping),
+        ("friction", |m| &mut m.friction),
+        ("torsion", |m| &mut m.torsion),
+        ("rolling", |m| &mut m.rolling),
+        ("margin", |m| &mut m.margin),
+    ];
+    let ball = altered("cube", |s| (s.spec.material.torsion, s.spec.material.rolling, s.spec.material.margin) = (0.02, 0.01, 0.005));
+    for (what, system, scene, said) in [("cube", ball, "ground", false), ("geoms of a file", crawler(), "plane", true)] {
+        let (mut solver, mut random) = (settled(four()), stream(5, 0));
+        let (rows, joints) = (2 * system.robot.nv(), system.robot.joint_count());
+        // All colliders and the robot have one material.
+        let with = |material: Material| {
+            let (mut own, mut scene) = ((*system).clone(), (*system.scene(scene).expect("a scene")).clone());
+            own.spec.material = material;
+            own.one_friction = said.then_some(material.friction);
+            scene.colliders.iter_mut().for_each(|c| c.material = material);
+            (Arc::new(own), Arc::new(scene))
+        };
+        let nominal = system.spec.material;
+        let (own, place) = with(nominal);
+        let mut batch = Batch::new(&own, &place, 4);
+        match said {
+            true => drop_low(&mut batch),
+            false => (0..4).for_each(|env| batch.reset(env, &start(&own, Start::Reset, &mut stream(0, env as u64)))),
+        }
+        let counted = if said { 4 } else { 7 };
+        let (mut errors, mut left_out) = (vec![Vec::new(); 7], 0);
+        for frame in 0..120 {
+            let torques = pushed(&own, batch.len(), &mut random);
+            for env in (0..batch.len()).filter(|_| frame % 15 == 0) {
+                let (state, torques) = (batch.state(env), &torques[env * joints..(env + 1) * joints]);
+                let slopes = solver.back_by_numbers(&only(&batch, state), torques, rows, &identity(rows)).expect("slopes");
+                if endless(four(), &batch, state, torques, &slopes.next) {
+                    left_out += counted;
+                    continue;
+                }
+                for (k, (_, number)) in keys.iter().enumerate().take(counted) {
+                    let moved = |by: f64| {
+                        let mut material = nominal;
+                        *number(&mut material) += by;
+                        with(material)
+                    };
+                    let size = 1e-2 * number(&mut nominal.clone()).abs();
+                    let of = |by: f64| moved(by).clone();
+                    let [up, down] = [size, -size].map(|by| nerd_sim::articulated::numbers(&of(by).0, &of(by).1));
+                    let by: Vec<f64> = up.iter().zip(&down).map(|(up, down)| (up - down) / (2.0 * size)).collect();
+                    let found: Vec<f64> =
+                        slopes.numbers.chunks_exact(by.len()).map(|row| row.iter().zip(&by).map(|(a, b)| a * b).sum()).collect();
+                    let (expected, agrees) = central(size, |by| {
+                        let (system, scene) = moved(by);
+                        difference(&system.robot, &slopes.next, &stepped(&mut solver, &Batch::new(&system, &scene, 1), state, torques))
+                    });
+                    if norm(expected.iter().copied()).max(norm(found.iter().copied())) * size < 1e-9 {
+                        continue;
+                    }
+                    match agrees > HELD {
+                        true => left_out += 1,
+                        false => errors[k].push(apart(&found, &expected)),
+                    }
+                }
+            }
+            solver.step(&mut batch, &torques).expect("steps");
+        }
+        for ((name, _), errors) in keys.iter().zip(&errors).filter(|(_, errors)| !errors.is_empty()) {
+            println!("  {what}, {name}: {} states, error {:.1e} (worst)", errors.len(), errors.iter().copied().fold(0.0, f64::max));
+        }
+        let idle = errors.iter().take(counted).filter(|errors| errors.is_empty()).count();
+        assert!(idle <= 1, "{what}: {idle} numbers did nothing in any state");
+        assert!(told(what, errors.concat(), left_out, HELD), "{what}");
+    }
 }
 
 #[test]
@@ -155,7 +273,7 @@ fn direction(n: usize, random: &mut impl RngExt) -> Vec<f64> {
     (0..n).map(|_| random.random_range(-1.0..=1.0)).collect()
 }
 
-/// Forward along random directions: as central differences go, and the adjoint of the way back.
+/// Jacobian-vector products along random directions: against central differences, and against the adjoint.
 #[test]
 fn a_linearised_frame_goes_along_any_direction() {
     for (name, scene) in [("cartpole", "free"), ("cube", "ground"), ("ant", "ground"), ("anymal", "ground")] {
@@ -205,7 +323,7 @@ fn slopes_by_parameters_are_those_of_central_differences() {
     use nerd_sim::calibrate::{Engine, Parameter, Subject};
     let contact = ["friction", "stiffness", "damping", "friction-damping", "gravity", "height", "tilt.x", "tilt.y", "size"];
     let cube = ["mass", "com.x", "com.z", "inertia", "spread.y", "rounding"].map(String::from);
-    // Of two links and a joint.
+    // For two links and a joint.
     let parts = |robot: &str| {
         let robot = &built_in(robot).robot;
         let [trunk, limb] = [0, 4].map(|link| &robot.links[link].name);
@@ -227,7 +345,7 @@ fn slopes_by_parameters_are_those_of_central_differences() {
         let parameters: Vec<Parameter> = names.iter().map(|n| Parameter::named(&system, n).unwrap_or_else(|e| panic!("{e}"))).collect();
         let mut values: Vec<f64> = parameters.iter().map(|p| p.nominal).collect();
         for (p, value) in parameters.iter().zip(&mut values) {
-            // Within its bounds: a friction or a radius that is not there has no slope on one side.
+            // Inside its bounds: a friction or a radius of zero has only a one-sided derivative.
             *value += 0.01 * (p.high - *value);
         }
         let subject = Subject::new(&system, scene, Engine::Articulated(ArticulatedConfig::accurate(&system))).expect("a subject");

@@ -10,7 +10,7 @@ fn implicit_method(substeps: usize) -> Method {
     Method::new("implicit", move |_| Box::new(implicit(substeps)))
 }
 
-/// All rows that `asked` wants must pass.
+/// All rows that `asked` selects must pass.
 fn passes(method: &Method, asked: impl Fn(&Row) -> bool + Sync) {
     let suite = Suite::new();
     let rows = suite.rows().par_iter().filter(|row| row.must_pass() && asked(row));
@@ -28,14 +28,14 @@ fn the_converged_preset_passes_known_physics() {
     passes(&implicit_method(128).finer(|_| Box::new(implicit(512))), |_| true);
 }
 
-/// Four substeps of 1/240 s do what takes the explicit step 1024: the point of the implicit one.
+/// Four substeps of 1/240 s achieve what takes the explicit step 1024: the purpose of the implicit step.
 #[test]
 fn four_implicit_substeps_pass_known_physics() {
-    // Convergence is asked of an accurate preset, and at a runner's speed it shows.
+    // Convergence needs an accurate preset, and is visible at a runner's speed.
     passes(&implicit_method(4), |row| !row.name.contains("self-convergence") && row.name != "runner's momentum");
 }
 
-/// What is round rolls, precesses and tips alike at any number of substeps, far within the rows' limits.
+/// Round bodies roll, precess and tip alike at any number of substeps, far within the rows' limits.
 #[test]
 fn round_bodies_move_alike_at_any_number_of_substeps() {
     let rolling = [("level rolling", 1e-12), ("level rolling, energy", 1e-12), ("wheel", 1e-4)];
@@ -49,7 +49,7 @@ fn round_bodies_move_alike_at_any_number_of_substeps() {
     }
 }
 
-/// What a rigid first-order engine follows at 4 outer steps of 4 iterations.
+/// Rows that a rigid first-order engine passes at 4 outer steps of 4 iterations.
 #[cfg(feature = "rapier")]
 #[test]
 fn rapier_passes_known_physics() {
@@ -60,7 +60,7 @@ fn rapier_passes_known_physics() {
     passes(&Method::new("rapier", |_| Box::new(Rapier::new(RapierConfig::default()))), |row| known.contains(&row.name));
 }
 
-/// A method without finer substeps is not failed for what it cannot be asked; words choose rows, and unknown ones are refused.
+/// A method without finer substeps does not fail the rows that need them; words choose rows, and unknown ones are refused.
 #[test]
 fn what_cannot_be_asked_is_not_failed() {
     let mine = Method::new("mine", |_| Box::new(Hold));

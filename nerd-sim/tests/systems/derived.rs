@@ -1,9 +1,9 @@
-//! What a URDF alone suggests: which bases are free, contact that scales with the robot, starts within its limits and clear of the ground, and
-//! a TOML that says a part.
+//! Settings derived from a URDF alone: which bases are free, contact that scales with the robot, starts within its limits and clear of the
+//! ground, and a TOML that sets a part of them.
 
 use super::common::*;
 
-/// A block of so many kg and m, its middle at a place of its link.
+/// A block of this mass (kg) and size (m), its middle at a position of its link.
 fn block(name: &str, mass: f64, [x, y, z]: [f64; 3], place: [f64; 3]) -> String {
     let inertia = |a: f64, b: f64| mass * (a * a + b * b) / 12.0;
     link(name, mass, place, [inertia(y, z), inertia(x, z), inertia(x, y)], &collision(place, &format!("<box size=\"{x} {y} {z}\"/>")))
@@ -83,7 +83,7 @@ fn a_part_of_a_toml_overrides_what_the_urdf_suggests() {
     }
 }
 
-/// A point on its own axis resists no turn: that joint alone, and a note.
+/// A point mass on its own axis has no rotational inertia: only this joint gets armature, and a note.
 #[test]
 fn a_joint_that_no_link_resists_has_a_guessed_armature_and_a_note() {
     let tip = [link("tip", 0.1, [0.0; 3], [0.0; 3], ""), hinge("spin", ["link3", "tip"], [0.0, 0.0, 0.3], 50.0)].concat();
@@ -94,7 +94,7 @@ fn a_joint_that_no_link_resists_has_a_guessed_armature_and_a_note() {
     assert!(system.notes.iter().any(|n| n.contains("guessed armature") && n.contains("spin 0.05")), "{:?}", system.notes);
 }
 
-/// What is printed may be put beside the file, and is the same robot.
+/// The printed specification gives the same robot if placed beside the file.
 #[test]
 fn the_printed_specification_is_the_robot() {
     for urdf in [table(1.0, ""), arm()] {
@@ -104,7 +104,7 @@ fn the_printed_specification_is_the_robot() {
     }
 }
 
-/// Of tables from a toy's size to a house's: at rest each is pressed in by a thousandth of its size, and it starts clear of the ground.
+/// Tables from a toy's size to a house's: at rest the depth is a thousandth of the size, and starts are clear of the ground.
 #[test]
 fn contact_scales_with_the_robot() {
     for scale in [0.1, 1.0, 10.0] {
@@ -119,14 +119,14 @@ fn contact_scales_with_the_robot() {
         let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
         for k in 0..50 {
             let state = start(&system, if k % 2 == 0 { Start::Sample } else { Start::Reset }, &mut stream(1, k));
-            contacts(&system.robot, &scene, &state, &mut data, &mut events);
+            contacts(&system, &scene, &state, &mut data, &mut events);
             assert!(events.iter().zip(&system.robot.contact_points).all(|(e, p)| e.distance > p.radius), "a start within the ground");
             assert!(state[7..11].iter().all(|q| (-1.0..=0.8).contains(q)), "a start beyond the limits: {:?}", &state[7..11]);
         }
     }
 }
 
-/// What a robot rests on is what it had: balls at the ends of legs, and a height at which they touch.
+/// A robot keeps the contact points on which it rests: balls at the ends of legs, and a height at which they touch.
 #[test]
 fn what_stands_keeps_its_feet() {
     let system = read(&table(1.0, &collision([0.0, 0.0, -0.3], "<sphere radius=\"0.04\"/>")), None).expect("a robot");
@@ -137,7 +137,7 @@ fn what_stands_keeps_its_feet() {
     assert!((system.default_state()[2] - 0.34).abs() < 1e-6, "stands at {} m", system.default_state()[2]);
 }
 
-/// Gaps are counted from the middles of balls, and those of small feet are nearer to the ground than a belly is large.
+/// Gaps are measured from the centres of balls, and the balls of small feet are nearer to the ground than a belly's radius.
 #[test]
 fn small_feet_beside_a_large_belly_start_clear_of_the_ground() {
     let [foot, belly] = [([0.0, 0.0, -0.3], 0.02), ([0.0; 3], 0.28)].map(|(at, r)| collision(at, &format!("<sphere radius=\"{r}\"/>")));
@@ -146,7 +146,7 @@ fn small_feet_beside_a_large_belly_start_clear_of_the_ground() {
     let (ground, mut data, mut events) = (system.scene("plane").expect("a plane"), system.data(), Vec::new());
     for k in 0..50 {
         let state = start(&system, Start::Reset, &mut stream(1, k));
-        contacts(&system.robot, &ground, &state, &mut data, &mut events);
+        contacts(&system, &ground, &state, &mut data, &mut events);
         let gaps = events.iter().zip(&system.robot.contact_points).map(|(event, point)| event.distance - point.radius);
         let low = gaps.fold(f64::INFINITY, f64::min);
         assert!((0.0..0.4).contains(&low), "start {k}: {low} m over the ground");
@@ -191,4 +191,20 @@ fn the_tool_of_an_arm_rests_on_the_table_that_it_is_mounted_on() {
         let lowest = corners.map(|corner| point_position(&data, 3, &corner).z).fold(f64::MAX, f64::min);
         assert!(lowest.abs() < 1e-3, "leaning by {lean} rad: the tool is {lowest} m over the table");
     }
+}
+
+/// Time is linear in their number, not cubic.
+#[test]
+fn two_thousand_spheres_on_a_link_are_read_in_seconds() {
+    let spheres = |n: usize| (0..n).map(|k| collision([0.0, 0.0, 0.001 * k as f64], r#"<sphere radius="0.1"/>"#)).collect::<String>();
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("spheres.urdf");
+    std::fs::write(&path, urdf(&[link("body", 1.0, [0.0; 3], [1.0; 3], &spheres(2000))])).expect("written");
+    let began = std::time::Instant::now();
+    let system = System::named(&path.display().to_string()).expect("a robot");
+    let (seconds, points) = (began.elapsed().as_secs_f64(), &system.robot.contact_points);
+    // Balls in a row reach as far as the two at its ends.
+    let ends = points.iter().map(|p| p.local.z).fold([f64::MAX, f64::MIN], |[low, high], z| [low.min(z), high.max(z)]);
+    assert!(seconds < 20.0 && points.len() <= 8, "{seconds:.1} s, {} points", points.len());
+    assert!(ends[0].abs() < 1e-3 && (ends[1] - 1.999).abs() < 1e-3, "from {} m to {} m", ends[0], ends[1]);
 }

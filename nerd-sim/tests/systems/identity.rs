@@ -1,4 +1,4 @@
-//! A system is known by what it is: its hashes see every number that matters, and nothing else.
+//! A system is identified by content: its hashes depend on every number that matters, and on nothing else.
 
 use super::common::*;
 
@@ -22,7 +22,7 @@ fn how_it_is_written_changes_nothing() {
         ("U(-2pi, 2pi)", "U(-6.283185307179586, 2pi)"),
         ("\"tau1\"", "\"tau_shoulder\""),
         ("urdf = \"pendulum.urdf\"\n", ""),
-        // What models of it learn is on their cards.
+        // The truth of its models is on their cards.
         ("substeps = 8", "substeps = 8\ntruth = \"paper\""),
     ] {
         assert_eq!(hashes(URDF, &changed(TOML, from, to)), ours, "`{from}` as `{to}`");
@@ -36,7 +36,7 @@ fn how_it_is_written_changes_nothing() {
     assert_eq!(hashes(URDF, &changed(TOML, &format!("{first}{second}"), &format!("{second}{first}"))), ours);
 }
 
-/// Cards of models that were trained long ago name these.
+/// Cards of models that were trained long ago hold these hashes.
 #[test]
 fn hashes_stay_what_they_were() {
     let varied = format!("{TOML}\n[vary]\nmass = \"U(0.8, 1.2)\"\n");
@@ -49,7 +49,7 @@ fn hashes_stay_what_they_were() {
     }
 }
 
-/// What moves it changes both hashes; how data of it are made, that of the system alone.
+/// Changes to its motion change both hashes; changes to data recording change the system's alone.
 #[test]
 fn what_matters_is_seen() {
     let ours = hashes(URDF, TOML);
@@ -93,7 +93,7 @@ fn limits_count_and_all_built_in_robots_differ() {
     let (toml, urdf) = System::texts("cartpole").expect("built in");
     let robot = |urdf: &str, toml: &str| hashes(urdf, toml)[0].clone();
     let ours = robot(urdf, toml);
-    // Nothing of it touches: no material matters.
+    // Without contact the material does not matter.
     let slippery = "substeps = 4\nmaterial = { stiffness = 1.0, damping = 1.0, friction_damping = 1.0, friction = 0.0 }";
     assert_eq!(robot(urdf, &changed(toml, "substeps = 4", slippery)), ours);
     assert_ne!(robot(&changed(urdf, "lower=\"-4\"", "lower=\"-3.9\""), toml), ours);

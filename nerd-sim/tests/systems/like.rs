@@ -32,7 +32,8 @@ fn keys_left_out_are_the_others_and_own_keys_win() {
 
 #[test]
 fn robots_of_the_paper_have_its_materials_and_substeps() {
-    let material = |stiffness, damping, friction_damping, friction| Material { stiffness, damping, friction_damping, friction };
+    let material =
+        |stiffness, damping, friction_damping, friction| Material { stiffness, damping, friction_damping, friction, ..Material::default() };
     // Robot's and ground's; substeps (the reference simulator's settings of these robots).
     let cases = [
         ("cartpole", None, 5),

@@ -1,4 +1,4 @@
-//! Robots that are described by meshes touch the ground with them.
+//! Robots described by meshes use them for contact.
 
 use std::{f64::consts::TAU, path::Path};
 
@@ -64,7 +64,7 @@ fn with_mesh(name: &str, bytes: impl AsRef<[u8]>) -> std::sync::Arc<System> {
     System::named(&path.display().to_string()).expect("a brick")
 }
 
-/// The box of the corners of what is read from a file: its least and largest place (m).
+/// The bounding box of a file's vertices: its least and largest position (m).
 fn extent(name: &str, bytes: impl AsRef<[u8]>) -> [[f64; 3]; 2] {
     let system = with_mesh(name, bytes);
     assert!(system.notes.is_empty(), "{:?}", system.notes);
@@ -72,8 +72,8 @@ fn extent(name: &str, bytes: impl AsRef<[u8]>) -> [[f64; 3]; 2] {
     [f64::min, f64::max].map(|pick| [0, 1, 2].map(|k| all.iter().map(|p| p[k]).reduce(pick).expect("a corner")))
 }
 
-/// Faces of an OBJ may name normals and textures or not; a hull is of its vertices. In a COLLADA file nodes place what they show, twice if it
-/// is shown twice.
+/// Faces of an OBJ may refer to normals and textures or not; a hull uses the vertices. In a COLLADA file nodes place their geometry, as
+/// often as they show it.
 #[test]
 fn meshes_of_other_kinds_are_where_their_files_put_them() {
     let corners = (0..8).map(|k| [1, 2, 4].map(|bit| if k & bit == 0 { -100.0 } else { 100.0 }));
@@ -124,7 +124,7 @@ const ONE: &str = r#""bufferView":0,"count":1"#;
 /// A glTF's nodes place its meshes, whether its buffer is inside, beside it or in a binary file. PLY as text and in both orders of bytes.
 #[test]
 fn gltf_and_ply_are_where_their_files_put_them() {
-    // A quarter turn about x takes the z of what hangs on it to -y.
+    // A quarter turn about x takes a child node's z to -y.
     let nodes = r#"{"rotation":[0.70710678,0,0,0.70710678],"translation":[1000,0,0],"children":[1,2]},
         {"mesh":0,"translation":[0,0,500]},{"mesh":0,"scale":[2,2,2],"translation":[100,0,0]}"#;
     let right = [[1.0, -0.5, 0.0], [1.1, 0.0, 0.0]];
@@ -194,7 +194,7 @@ fn a_mesh_that_asks_for_too_much_or_lacks_something_is_passed_over_and_said() {
     }
 }
 
-/// One that is not there is said, too; asked for none, none is looked for.
+/// A missing mesh is noted, too; with zero points requested, none is searched.
 #[test]
 fn a_mesh_that_is_not_there_is_said() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -282,4 +282,19 @@ fn the_lowest_place_is_a_contact_point_in_every_attitude() {
     }
     assert!(worst < 2e-3, "the lowest contact point is {worst} m from the lowest place");
     assert!(robot.contact_points.len() < 60, "{} contact points", robot.contact_points.len());
+}
+
+/// Deep nesting, in a mesh's file or in the poses beside a URDF, does not crash a recursive reader.
+#[test]
+fn files_beside_a_robot_that_are_nested_deep_are_passed_over() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (path, deep) = (brick(folder.path(), "package://bricks/meshes/brick.dae"), "<a>".repeat(100_000));
+    std::fs::write(folder.path().join("bricks/meshes/brick.dae"), format!("<COLLADA>{deep}")).expect("a file");
+    std::fs::create_dir_all(folder.path().join("bricks/srdf")).expect("a folder");
+    std::fs::write(folder.path().join("bricks/srdf/brick.srdf"), &deep).expect("a file");
+    let notes = System::named(&path.display().to_string()).expect("a brick").notes.join("; ");
+    assert!(notes.contains("elements nested more than 256 deep"), "{notes}");
+    // The poses are looked for where no TOML has them.
+    std::fs::remove_file(path.with_extension("toml")).expect("removed");
+    System::named(&path.display().to_string()).expect("a brick");
 }

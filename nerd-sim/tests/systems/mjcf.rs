@@ -1,7 +1,9 @@
-//! MJCF: what is written is read again, and what is read obeys MuJoCo's rules, or is refused by name and line.
+//! MJCF: a written file can be read again; a file read obeys MuJoCo's rules, or is refused by name and line.
 
 use nerd_sim::mjcf::{mjcf, mjcf_of_our_contact};
 use nerd_sim::prelude::*;
+
+use super::common::crawler;
 
 fn robot(inside: &str) -> System {
     read(&format!("<mujoco><worldbody>{inside}</worldbody></mujoco>"))
@@ -48,7 +50,7 @@ fn what_is_written_is_read_again() {
     }
 }
 
-/// MuJoCo scales a contact's spring and damper by the inertia of the body's centre of mass: of one free body its mass.
+/// MuJoCo scales a contact's spring and damper by the inertia at the body's centre of mass: for a free body its mass.
 #[test]
 fn our_contact_is_written_as_mujoco_scales_it() {
     let system = System::named("cube").expect("built in");
@@ -73,7 +75,7 @@ fn a_ball_of_a_capsule_and_a_rod_have_their_moments() {
         read(&text).robot.links[0].inertia
     };
     // A capsule without length is a ball of water; a long one of a given mass is a rod about its middle.
-    let (ball, point) = (moments(r#"type="sphere" size=".1""#, ""), moments(r#"type="capsule" size=".1 0""#, ""));
+    let (ball, point) = (moments(r#"type="sphere" size=".1""#, ""), moments(r#"type="capsule" size=".1 1e-15""#, ""));
     assert!(
         (ball.mass - 4188.790 * 1e-3).abs() < 1e-6 && (ball.inertia[(0, 0)] / (0.4 * ball.mass * 0.01) - 1.0).abs() < 1e-12,
         "{ball:?}"
@@ -86,16 +88,17 @@ fn a_ball_of_a_capsule_and_a_rod_have_their_moments() {
     // Inertias without a body to have them are balanced, masses bounded, and the total set.
     let inertial = r#"type="box" size="1 1 1" mass="0"/><inertial mass="1" pos="0 0 0" diaginertia="1 1 7""#;
     assert!((moments(inertial, r#"balanceinertia="true""#).inertia - Matrix3::identity() * 3.0).amax() < 1e-12);
+    let inertial = r#"type="box" size="1 1 1" mass="0"/><inertial mass="1" pos="0 0 0" diaginertia="1 1 1.5""#;
     assert_eq!(moments(inertial, r#"boundmass="5""#).mass, 5.0);
     let (set, geoms) =
         (moments(inertial, r#"settotalmass="2""#), moments(inertial, r#"inertiafromgeom="true" boundmass="1" boundinertia="2""#));
     assert!(
-        set.mass == 2.0 && (set.inertia[(2, 2)] - 14.0).abs() < 1e-12 && (geoms.inertia[(0, 0)] - 2.0).abs() < 1e-12,
+        set.mass == 2.0 && (set.inertia[(2, 2)] - 3.0).abs() < 1e-12 && (geoms.inertia[(0, 0)] - 2.0).abs() < 1e-12,
         "{set:?} {geoms:?}"
     );
 }
 
-/// Two joints at other places than their body's origin, of which one counts from 30 degrees: a site comes to where it is turned about them.
+/// Two joints away from their body's origin, one of them counting from 30 degrees: a site moves as rotated about them.
 #[test]
 fn joints_of_one_body_are_a_chain_in_their_own_coordinates() {
     let system = robot(
@@ -147,19 +150,19 @@ fn an_arm_with_position_actuators_is_held_by_them() {
     }
 }
 
-/// Drives, springs, a coupling, a pose and a ground of a robot that stands; with what has no effect on motion.
+/// Drives, springs, a coupling, a pose and a ground of a standing robot; also elements without effect on motion.
 #[test]
 fn what_no_urdf_says_becomes_keys() {
     let folder = tempfile::tempdir().expect("a folder");
     let body = |k: usize, more: &str| {
         format!(
-            r#"<body name="b{k}" pos="{k} 0 0"><joint name="j{k}" axis="0 1 0" armature=".{k}" {more}/><geom size=".1" friction="{k}"/><camera name="eye"/></body>"#
+            r#"<body name="b{k}" pos="{k} 0 0"><joint name="j{k}" axis="0 1 0" armature=".{k}" {more}/><geom size=".1" friction="{k}"/><camera name="eye{k}"/></body>"#
         )
     };
     std::fs::write(folder.path().join("leg.xml"), format!("<mujocoinclude>{}</mujocoinclude>", body(3, ""))).expect("a file");
     let text = format!(
-        r#"<!-- <robot> --><mujoco model="m"><option gravity="0 0 -5"/><visual/><statistic extent="1"/><asset><texture builtin="flat"/></asset>
-        <worldbody><light/><geom type="plane" pos="0 0 2" friction=".2"/><body name="root"><freejoint/><geom size=".5"/>{}{}<include file="leg.xml"/></body></worldbody>
+        r#"<!-- <robot> --><mujoco model="m"><option gravity="0 0 -5"/><visual/><statistic extent="1"/><asset><texture name="t" builtin="flat" width="4" height="4"/></asset>
+        <worldbody><light/><geom type="plane" size="1 1 1" pos="0 0 2" friction=".2"/><body name="root"><freejoint/><geom size=".5"/><site name="s"/>{}{}<include file="leg.xml"/></body></worldbody>
         <equality><joint joint1="j2" joint2="j1" polycoef=".1 -2 0 0 0"/><weld body1="root" active="false"/></equality>
         <actuator><position joint="j1" kp="7" kv="2" forcerange="-3 3" gear="2"/><velocity joint="j3" kv="5"/></actuator>
         <sensor><gyro site="s"/></sensor><tendon><fixed><joint joint="j1" coef="1"/></fixed></tendon>
@@ -182,7 +185,7 @@ fn what_no_urdf_says_becomes_keys() {
     // It stands on the ground of its file.
     let (state, ground) = (system.default_state(), system.scene("ground").expect("its ground"));
     let mut events = Vec::new();
-    contacts(robot, &ground, &state, &mut system.data(), &mut events);
+    contacts(&system, &ground, &state, &mut system.data(), &mut events);
     let low = events.iter().zip(&robot.contact_points).map(|(e, p)| e.distance - p.radius).fold(f64::MAX, f64::min);
     assert!(low.abs() < 1e-9 && state[2] > 2.0, "its lowest point is {low:.1e} m above the ground");
 }
@@ -193,30 +196,65 @@ fn what_matters_and_is_not_understood_is_refused_by_name_and_line() {
     let world = |inside: &str| format!("<mujoco>\n<worldbody>\n{inside}</worldbody></mujoco>");
     let beside = |inside: &str| format!("<mujoco><worldbody>{body}</worldbody>\n{inside}</mujoco>");
     for (text, says) in [
-        (world(r#"<body name="b"><joint type="ball" name="hip"/></body>"#), "line 3, joint `hip`: ball joints"),
-        (world(r#"<body name="b"><joint name="hip" dampng="1"/></body>"#), "line 3, joint `hip`: <joint> has an attribute `dampng`"),
-        (world(r#"<body name="b"><joint name="hip" damping="1,5"/></body>"#), "line 3, joint `hip`: damping=\"1,5\""),
-        (world(r#"<body name="b" mocap="true"/>"#), "line 3, body `b`: mocap"),
-        (world(r#"<body name="b"><composite type="rope"/></body>"#), "line 3, body `b`: <composite>"),
-        (world(r#"<body name="b"><joint/><geom type="mesh" mesh="m"/></body>"#), "line 3, body `b`: its mass would be that of a mesh"),
-        (world(&format!(r#"<body name="a"><freejoint/><geom size="1"/></body>{body}"#)), "line 3, body `b`: it moves beside"),
-        (world(r#"<body name="a"><joint type="free" armature="1"/><geom size="1"/></body>"#), "are not 0: write `<freejoint/>`"),
-        (world(r#"<body><geom class="no"/></body>"#), "no default class `no`"),
-        (beside(r#"<equality><weld name="w" body1="b"/></equality>"#), "line 2, weld `w`: <weld>"),
-        (beside(r#"<equality><joint joint1="j" joint2="k"/></equality>"#), "joint `j`: equality: one of its two"),
-        (beside(r#"<actuator><muscle name="m" joint="j"/></actuator>"#), "line 2, muscle `m`: <muscle>"),
-        (beside(r#"<actuator><motor name="m" tendon="t"/></actuator>"#), "line 2, motor `m`: it acts on no joint"),
-        (beside(r#"<tendon><fixed name="t" stiffness="2"/></tendon>"#), "line 2, fixed `t`: a tendon with `stiffness`"),
-        (beside(r#"<deformable><skin name="s"/></deformable>"#), "line 2, skin `s`"),
-        (beside(r#"<deformable><flex name="f"/></deformable>"#), "line 2, flex `f`"),
-        (beside(r#"<option viscosity=".1"/>"#), "line 2: viscosity"),
-        (beside(r#"<option><flag contact="disable"/></option>"#), "line 2: <flag contact"),
-        (beside(r#"<include file="nowhere.xml"/>"#), "line 2: <include file=\"nowhere.xml\">"),
-        (beside(r#"<keyframe><key name="k" qpos="1 2"/></keyframe>"#), "line 2, key `k`: qpos has 2 numbers, 1 are needed"),
+        (world(r#"<body name="b"><joint type="ball" name="hip"/></body>"#), "line 3, <joint> `hip`: ball joints"),
+        (
+            world(r#"<body name="b"><joint name="hip" dampng="1"/></body>"#),
+            "line 3, <joint> `hip`: an attribute `dampng` is not known; is `damping` meant?",
+        ),
+        (world(r#"<body name="b"><joint name="hip" damping="1,5"/></body>"#), "line 3, <joint> `hip`: damping=\"1,5\""),
+        (world(r#"<body name="b"><composite type="rope"/></body>"#), "line 3, <composite>: it is not known in <body>"),
+        (world(r#"<body name="b"><joint/><geom type="mesh" mesh="m"/></body>"#), "line 3, <geom>: mesh=\"m\": there is no such mesh"),
+        (world(&format!(r#"<body name="a"><freejoint/><geom size="1"/></body>{body}"#)), "line 3, <body> `b`: it moves beside"),
+        (world(r#"<body name="a"><joint type="free" frictionloss="1"/><geom size="1"/></body>"#), "is not 0: write <freejoint/>"),
+        (world(r#"<body name="a"><freejoint align="true"/><geom size="1"/></body>"#), "line 3, <body> `a`: align moves its frame"),
+        (world(r#"<body><geom class="no"/></body>"#), "there is no default class `no`"),
+        (beside(r#"<equality><weld name="w" body1="b"/></equality>"#), "line 2, <weld> `w`: it is not supported"),
+        (
+            beside(r#"<equality><joint joint1="j" joint2="k"/></equality>"#),
+            "line 2, <joint>: joint2=\"k\": there is no such hinge or slide",
+        ),
+        (beside(r#"<actuator><muscle name="m" joint="j"/></actuator>"#), "line 2, <muscle> `m`: only motor"),
+        (beside(r#"<actuator><motor name="m" tendon="t"/></actuator>"#), "line 2, <motor> `m`: tendon=\"t\": there is no such tendon"),
+        (beside(r#"<tendon><fixed name="t" stiffness="2"/></tendon>"#), "line 2, <fixed> `t`: a tendon with `stiffness`"),
+        (beside(r#"<deformable><flex name="f"/></deformable>"#), "line 2, <flex> `f`"),
+        (beside(r#"<option viscosity=".1"/>"#), "line 2, <option>: viscosity"),
+        (beside(r#"<option><flag contact="off"/></option>"#), "line 2, <flag>: contact=\"off\": it is one of"),
+        (beside(r#"<include file="nowhere.xml"/>"#), "line 2, <include> `nowhere.xml`"),
+        (beside(r#"<keyframe><key name="k" qpos="1 2"/></keyframe>"#), "line 2, <key> `k`: qpos has 2 numbers; the file has 1"),
         (format!("<mujoco>{}", "<body>".repeat(100_000)), "nested more than"),
         ("<mujoco><worldbody>".into(), "not an MJCF"),
     ] {
         let error = refusal(&text);
         assert!(error.contains(says), "`{error}` does not say `{says}`");
     }
+}
+
+/// Geoms with different contact properties in a file meet by explicit pairs, each with its numbers.
+#[test]
+fn contacts_by_pair_are_written_as_pairs() {
+    let system = crawler();
+    let scene = system.scene("plane").expect("a world");
+    let text = mjcf(&system, &scene, &[]).expect("written");
+    let of = |line: &str, key: &str| line.split(&format!(" {key}=\"")).nth(1).and_then(|rest| rest.split('"').next()).map(String::from);
+    let pairs: Vec<_> = text.lines().filter(|line| line.starts_with("<pair")).collect();
+    let told: Vec<_> = pairs.iter().map(|line| ["condim", "friction", "margin"].map(|key| of(line, key).expect("a number"))).collect();
+    let expected = [
+        ["6", "0.8 0.8 0.02 0.01 0.01", "0.002"],
+        ["4", "0.8 0.8 0.02 0 0", "0.002"],
+        ["3", "0.8 0.8 0 0 0", "0.002"],
+        ["6", "0.4 0.4 0.02 0.01 0.01", "0.004"],
+    ];
+    assert_eq!(told, expected);
+    assert!(pairs.iter().all(|line| of(line, "solref").as_deref() == Some("0.02 1")), "{pairs:?}");
+    // With our contact each is as soft as its own material.
+    let ours = mjcf_of_our_contact(&system, &scene).expect("written");
+    let soft: Vec<f64> = ours
+        .lines()
+        .filter(|line| line.starts_with("<pair"))
+        .map(|line| of(line, "solref").and_then(|x| x.split(' ').next().map(|k| k.parse::<f64>())).expect("a stiffness").expect("a number"))
+        .collect();
+    let met = system.robot.contact_points.iter().filter_map(|point| Some(system.meeting(point, &scene.colliders[0])?.stiffness));
+    let met: Vec<f64> = met.collect();
+    // The softnesses of two mirrored legs.
+    assert!((soft[0] / soft[1] / (met[0] / met[1]) - 1.0).abs() < 1e-9, "{soft:?}");
 }

@@ -1,4 +1,4 @@
-//! Motors and sensors of a robot's own: each effect is that of its textbook, and what is drawn acts as if the file said it.
+//! Actuator and sensor model of individual robots: each effect matches its textbook law, and drawn values act like a file's.
 
 use nerd_sim::rig::{Motors, Rig};
 use nerd_sim::vary::{Told, VarySpec, columns, draw};
@@ -11,7 +11,7 @@ fn just(x: f64) -> Option<Range> {
     Some(Range { low: x, high: x })
 }
 
-/// The pendulum with these numbers, each drawn from a range of no width.
+/// The pendulum with these numbers, each drawn from a range of zero width.
 fn pendulum(vary: VarySpec) -> Arc<System> {
     let mut system = (*built_in("pendulum")).clone();
     system.spec.vary = Some(vary);
@@ -28,7 +28,7 @@ fn asked(frame: usize) -> Vec<f64> {
 
 const START: [f64; 4] = [0.3, -1.2, 2.0, -3.0];
 
-/// States `[frame]` of a robot of its own behind its motors.
+/// States `[frame]` of an individual robot with its motors.
 fn behind(own: &Arc<System>, frames: usize) -> Vec<Vec<f64>> {
     let mut batch = at(&built_in("pendulum"), "free", &START);
     batch.systems = vec![own.clone()];
@@ -40,7 +40,7 @@ fn behind(own: &Arc<System>, frames: usize) -> Vec<Vec<f64>> {
     (0..frames).map(step).collect()
 }
 
-/// The same of the robot as it is, from `start` under torques that `act` gives of a frame and the state before it.
+/// The same for the plain robot, from `start` under torques that `act` computes from a frame and the state before it.
 fn plain(start: &[f64], act: impl Fn(usize, &[f64]) -> Vec<f64>) -> Vec<Vec<f64>> {
     let (mut solver, mut batch) = (solver(), at(&built_in("pendulum"), "free", start));
     let step = |frame| {
@@ -85,7 +85,7 @@ fn sensors_show_what_is_moved_and_torques_ripple_with_the_place() {
     assert_eq!(found, expected, "a ripple is the sine of six turns");
 }
 
-/// A direct-current motor: all of its torque at rest, half of it at half its top speed, none of it there, and all against the motion.
+/// A direct-current motor: full torque at rest, half of it at half its top speed, zero at top speed, and full braking torque.
 #[test]
 fn torque_falls_with_speed_along_a_line() {
     let own = pendulum(VarySpec { top_speed: just(8.0), ..Default::default() });
@@ -109,7 +109,7 @@ fn torque_falls_with_speed_along_a_line() {
     }
 }
 
-/// Damping, dry friction and armature that are drawn act as those of a file.
+/// Drawn damping, dry friction and armature act like a file's.
 #[test]
 fn what_brakes_joints_is_as_in_a_file() {
     let (toml, urdf) = System::texts("pendulum").expect("built in");
@@ -127,7 +127,7 @@ fn what_brakes_joints_is_as_in_a_file() {
     assert_ne!(expected, plain(&START, |frame, _| asked(frame)));
 }
 
-/// A reset forgets torques, memory goes on where it was taken, a solver without motors refuses them, an ideal rig changes nothing.
+/// A reset clears delayed torques, a restored memory continues, a solver without motors refuses them, an ideal rig changes nothing.
 #[test]
 fn memory_and_refusals() {
     let own = pendulum(VarySpec { delay: just(2.0), zero: just(-0.02), ..Default::default() });
@@ -154,7 +154,7 @@ fn memory_and_refusals() {
     run(&mut alone, &mut same, 3.0, 20);
     assert_eq!(ideal.states, same.states);
 
-    // A fault leaves what is shown as it is.
+    // A fault leaves the sensor readings unchanged.
     batch.state_mut(1)[3] = f64::NAN;
     let (shown, mut rig) = (batch.state(1)[..3].to_vec(), Rig::new(solver()));
     assert!(rig.step(&mut batch, &[0.0; 4]).is_err());
@@ -174,7 +174,7 @@ fn memory_and_refusals() {
     assert!(said.contains("vary.delay: the robot has no joint"), "{said}");
 }
 
-/// What a model is told is from -1 to 1 over each range, in the order of the columns, without ripples.
+/// Parameters that a model is conditioned on are from -1 to 1 over each range, in the order of the columns, without ripples.
 #[test]
 fn what_is_told() {
     let range = |low, high| Some(Range { low, high });

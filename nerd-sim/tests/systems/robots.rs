@@ -65,7 +65,7 @@ fn starts_keep_to_their_boxes() {
         let system = built_in("cube");
         let cube = start(&system, Start::Reset, &mut stream(0, env));
         let (mut data, mut events) = (Data::new(&system.robot), Vec::new());
-        contacts(&system.robot, &system.scene("ground").expect("scene"), &cube, &mut data, &mut events);
+        contacts(&system, &system.scene("ground").expect("scene"), &cube, &mut data, &mut events);
         let lowest = events.iter().map(|e| e.distance).fold(f64::INFINITY, f64::min);
         assert!(lowest >= 1e-3, "a corner of the cube starts {lowest} m above the ground");
     }

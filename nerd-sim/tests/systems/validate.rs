@@ -1,4 +1,4 @@
-//! What a specification says is refused by its key, in one line, where it cannot be. That all else moves finitely is for the campaign of `xtask`.
+//! Impossible settings in a specification are refused by key, in one line. The campaign of `xtask` checks that all others move finitely.
 
 use super::common::*;
 

@@ -1,4 +1,4 @@
-//! Robots that differ within a batch: each moves as it does alone; what is refused, what is recorded.
+//! Robots that differ within a batch: each moves as it does alone; refusals and recordings.
 
 use nerd_sim::dataset::{Manifest, generate};
 use nerd_sim::vary::{self, VarySpec};
@@ -152,7 +152,7 @@ fn sensors_with_noise_show_it() {
     assert!(said.contains("`shown` has 0 numbers"), "{said}");
 }
 
-/// What is measured of a free root has noise of its size, on its velocities that over a frame time; no noise moves anything.
+/// Measurements of a free root have noise of the given size, divided by the frame time on velocities; noise does not affect motion.
 #[test]
 fn a_free_root_is_measured_with_noise() {
     let noisy = |place: f64, turn: f64| {
@@ -202,7 +202,7 @@ fn each_slides_by_its_own_friction() {
     let up = -system.gravity() / g;
     for env in 0..12 {
         let mut state = system.default_state();
-        // Flat on the slope, a little inside, where its weight is borne.
+        // Flat on the slope, slightly inside, where the contacts carry its weight.
         let ground = &batch.scenes[env].colliders[0];
         let normal = ground.pose.rotation * vector(&ground.shape.as_halfspace().expect("a plane").normal.to_array());
         let turn = nalgebra::UnitQuaternion::rotation_between(&up, &normal).expect("not upside down");

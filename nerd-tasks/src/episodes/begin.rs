@@ -6,8 +6,8 @@ use super::Episodes;
 use crate::step::{CHUNK, StepResult, episode};
 
 impl Episodes {
-    /// From here on, and at once in all environments, episodes go through their task's levels ([`crate::Task::levels`]), from the lowest: up after one
-    /// that lasted and succeeded, down after one that ended before its time.
+    /// From here on, and at once in all environments, episodes go through their task's levels ([`crate::Task::levels`]), from the lowest:
+    /// up after an episode that lasted and succeeded, down after one that terminated early.
     pub fn climb(&mut self) {
         let Some((at, levels)) = self.task.levels() else { return };
         let width = self.task.goal_dim();
@@ -17,17 +17,17 @@ impl Episodes {
         self.observe(|_| true);
     }
 
-    /// Whether they do.
+    /// Whether episodes go through levels.
     pub fn climbs(&self) -> bool {
         self.climbs
     }
 
-    /// Begins the next episode in an environment, whatever its present one came to.
+    /// Begins the next episode in an environment, whether or not the present one has ended.
     pub fn begin(&mut self, env: usize) {
         self.begin_numbered(&[(env, self.begun[env] + 1)]);
     }
 
-    /// Asks the present episode of an environment for commands of its task by name, such as `ahead=0.5,turn=0`.
+    /// Sets commands of the present episode of an environment by name, such as `ahead=0.5,turn=0`.
     ///
     /// # Errors
     /// If there is no such command, it is there twice, or its number is outside of its range; then nothing changed.
@@ -54,12 +54,13 @@ impl Episodes {
         Ok(())
     }
 
-    /// Numbers of the present episodes by environment, of which the first is 1.
+    /// Numbers of the present episodes by environment, from 1.
     pub fn numbers(&self) -> &[u64] {
         &self.begun
     }
 
-    /// Begins episodes by environment and number, whatever the present ones came to: a present one from its start again, say.
+    /// Begins episodes by environment and number, whether or not the present ones have ended; for example a present one from its start
+    /// again.
     ///
     /// # Panics
     /// If there is no such environment.
@@ -93,7 +94,7 @@ impl Episodes {
         self.simulation.reset(env, &state);
     }
 
-    /// The ground of an environment's level, anew also where it is there: a device may have gone on with it.
+    /// Sets the ground of an environment's level; with `anew` also where it is set already, since a device may have changed it.
     pub(super) fn lay(&mut self, env: usize, anew: bool) {
         let Some((at, _)) = self.task.levels() else { return };
         let (level, scene) = (self.goals[env * self.task.goal_dim() + at], &mut self.simulation.batch.scenes[env]);
@@ -102,7 +103,7 @@ impl Episodes {
         }
     }
 
-    /// Counts the misses of a step, and goes up or down where an episode is over.
+    /// Adds up the errors of a step, and changes the level where an episode has ended.
     pub(super) fn rise(&mut self, result: &StepResult) {
         let Some((at, levels)) = self.task.levels() else { return };
         let (steps, width, frames) = (self.task.episode_length(), self.task.goal_dim(), &self.simulation.batch.frames);

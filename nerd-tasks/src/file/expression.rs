@@ -1,6 +1,6 @@
-//! Expressions in Rust's syntax, read over vectors: what has one number goes with every number of another.
+//! Expressions in Rust's syntax, evaluated over vectors: a single number is combined with every number of a vector.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, HashMap, hash_map::Entry};
 use std::ops::Range;
 
@@ -9,12 +9,13 @@ use syn::{BinOp, Expr, Lit, RangeLimits, UnOp, spanned::Spanned};
 use super::words::{Facts, Of};
 use crate::formula::{Leaf, Number, Tape, Traced};
 
-/// Letters of a text, operators in it, numbers of a vector, and steps that a formula may have; and how deep it may be nested.
+/// Limits of a formula: letters, operators, numbers of a vector, steps; depth of nesting, without and with the names that it refers to.
 const LETTERS: usize = 2000;
 const SIGNS: usize = 400;
 const LONGEST: usize = 4096;
 const MOST: usize = 200_000;
 const DEEPEST: usize = 32;
+const NAMED: usize = 600;
 
 #[derive(Clone, Debug)]
 pub(super) struct Value<'a> {
@@ -22,7 +23,7 @@ pub(super) struct Value<'a> {
     pub of: Of,
 }
 
-/// Which formula is read: torques are known in rewards, an action that acts in `act`.
+/// The kind of formula: torques are available in rewards, an action in `act`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Part {
     Act,
@@ -34,15 +35,17 @@ pub(super) enum Part {
 pub(super) struct Reader<'a> {
     pub(super) tape: &'a Tape,
     pub(super) facts: &'a Facts,
-    part: Part,
-    /// Names of the file's own, and where commands are in the goal.
+    of: Part,
+    /// The file's own names, and positions of commands in the goal.
     lets: &'a BTreeMap<String, String>,
     commands: &'a [(String, Range<usize>)],
-    /// Numbers of an action, and where the last one is in the goal.
+    /// Length of an action, and position of the last action in the goal.
     actions: usize,
     memory: usize,
-    /// What names say; none of one that is being read.
+    /// Values of names; `None` while a name is being read.
     known: RefCell<HashMap<String, Option<Value<'a>>>>,
+    /// Expressions that are being read, each nested in the one before.
+    deep: Cell<usize>,
 }
 
 pub(super) type Said<T> = Result<T, (proc_macro2::Span, String)>;
@@ -57,15 +60,15 @@ impl<'a> Reader<'a> {
         actions: usize,
         memory: usize,
     ) -> Self {
-        Self { tape, facts, part, lets, commands, actions, memory, known: RefCell::default() }
+        Self { tape, facts, of: part, lets, commands, actions, memory, known: RefCell::default(), deep: Cell::default() }
     }
 
-    /// What an expression says, `key` being where it is written.
+    /// The value of an expression, found in the file at `key`.
     pub fn read(&self, key: &str, text: &str) -> Result<Vec<Traced<'a>>, String> {
         Ok(self.value(key, text)?.numbers)
     }
 
-    /// The same, of one number.
+    /// The same, for an expression of one number.
     pub fn one(&self, key: &str, text: &str) -> Result<Traced<'a>, String> {
         let numbers = self.read(key, text)?;
         match numbers[..] {
@@ -74,7 +77,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Names of the file's own that were read so far and are one number.
+    /// The file's own names read so far that are one number.
     pub fn names(&self) -> Vec<(String, Traced<'a>)> {
         let known = self.known.borrow();
         let one = |name: &String| match known.get(name)?.as_ref()?.numbers[..] {
@@ -86,7 +89,7 @@ impl<'a> Reader<'a> {
 
     fn value(&self, key: &str, text: &str) -> Result<Value<'a>, String> {
         let at = |span: proc_macro2::Span, said: &str| {
-            // A wrong name of the file's own says itself where.
+            // An error in one of the file's own names already states its place.
             if let Some(said) = said.strip_prefix('\0') {
                 return said.into();
             }
@@ -101,6 +104,19 @@ impl<'a> Reader<'a> {
     }
 
     pub(super) fn expression(&self, read: &Expr) -> Said<Value<'a>> {
+        if self.deep.get() == NAMED {
+            return Err((
+                read.span(),
+                format!("names of [let] and operators go more than {NAMED} deep into each other; say it with fewer"),
+            ));
+        }
+        self.deep.set(self.deep.get() + 1);
+        let value = self.part(read);
+        self.deep.set(self.deep.get() - 1);
+        value
+    }
+
+    fn part(&self, read: &Expr) -> Said<Value<'a>> {
         let wrong = |said: String| Err((read.span(), said));
         let value = match read {
             Expr::Paren(inner) => self.expression(&inner.expr)?,
@@ -190,7 +206,7 @@ impl<'a> Reader<'a> {
             self.known.borrow_mut().insert(name.into(), Some(value.clone()));
             return Ok(value);
         }
-        match (name, self.part) {
+        match (name, self.of) {
             ("action", Part::Act) => {
                 let action = (0..self.actions).map(|k| self.tape.leaf(Leaf::Action(k), f64::NAN));
                 Ok(Value { numbers: action.collect(), of: of_joints })
@@ -242,7 +258,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// An error that has no place is where its function is named.
+/// An error without a place gets the place of its function's name.
 fn placed((span, said): (proc_macro2::Span, String), own: proc_macro2::Span) -> (proc_macro2::Span, String) {
     (if span.start().line == 0 || span.start() == proc_macro2::Span::call_site().start() { own } else { span }, said)
 }
@@ -255,20 +271,20 @@ pub(super) fn each<'a>(value: Value<'a>, f: impl Fn(Traced<'a>) -> Traced<'a>) -
     Value { numbers: value.numbers.into_iter().map(f).collect(), of: value.of }
 }
 
-/// Number by number; one goes with all.
+/// Element by element; a single number is combined with all.
 pub(super) fn paired<'a>(a: Value<'a>, b: Value<'a>, f: impl Fn(Traced<'a>, Traced<'a>) -> Traced<'a>) -> Result<Value<'a>, String> {
     let (n, m) = (a.numbers.len(), b.numbers.len());
     if n != m && n != 1 && m != 1 {
         return Err(format!("{n} numbers with {m}: as many are needed, or one"));
     }
     let (long, of) = if n >= m { (n, a.of) } else { (m, b.of) };
-    // One with none is none.
+    // One number and none gives none.
     let long = if n == 0 || m == 0 { 0 } else { long };
     let at = |of: &Value<'a>, k: usize| of.numbers[if of.numbers.len() == 1 { 0 } else { k }];
     Ok(Value { numbers: (0..long).map(|k| f(at(&a, k), at(&b, k))).collect(), of })
 }
 
-/// Known whole numbers, as an index has them.
+/// Whole numbers known when read, as indices.
 fn wholes(value: &Value) -> Result<Vec<usize>, String> {
     let whole = |x: &Traced| match x {
         Traced::Number(x) if *x >= 0.0 && x.fract() == 0.0 && *x < 1e6 => Some(*x as usize),
@@ -277,7 +293,7 @@ fn wholes(value: &Value) -> Result<Vec<usize>, String> {
     value.numbers.iter().map(whole).collect::<Option<_>>().ok_or_else(|| "an index is a known whole number, a name, or a..b".into())
 }
 
-/// Refuses what no parser should be asked to go into.
+/// Refuses a text nested too deeply for the parser.
 fn nested(text: &str) -> Result<(), String> {
     let (mut depth, mut deepest, mut signs) = (0usize, 0, 0usize);
     for c in text.chars() {

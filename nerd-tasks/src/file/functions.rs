@@ -85,7 +85,8 @@ impl<'a> Reader<'a> {
         })
     }
 
-    /// `scan(xs, ys)`: heights of the ground (m) so far ahead of a free root and to its left, as it heads, place by place along y, then along x.
+    /// `scan(xs, ys)`: heights of the ground (m) at distances ahead of a free root and to its left, relative to its heading; ordered along
+    /// y, then along x.
     fn scan(&self, args: &[&Expr]) -> Said<Value<'a>> {
         let no_place = |said: String| (proc_macro2::Span::call_site(), said);
         if !self.facts.system.robot.floating() {
@@ -98,7 +99,7 @@ impl<'a> Reader<'a> {
         Ok(plain(at.map(|at| self.facts.ground(self.tape, at)).collect()))
     }
 
-    /// `place("link")` or `place("link", [x, y, z])` in the world (m); `axis("link", [x, y, z])`, how a direction of a link's lies in the world.
+    /// `place("link")` or `place("link", [x, y, z])` in the world (m); `axis("link", [x, y, z])`: a direction of a link in world axes.
     fn place(&self, function: &str, args: &[&Expr]) -> Said<Value<'a>> {
         let no_place = |said: String| (proc_macro2::Span::call_site(), said);
         let (name, local) = match args {
@@ -135,7 +136,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// The numbers, if they are known beforehand.
+/// The numbers, if they are known when read.
 fn known(value: &Value) -> Option<Vec<f64>> {
     value.numbers.iter().map(|x| if let Traced::Number(x) = x { Some(*x) } else { None }).collect()
 }

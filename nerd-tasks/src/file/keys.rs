@@ -10,9 +10,9 @@ use toml::{Table, Value};
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Keys {
-    /// Robot, where none is named with the task.
+    /// Default robot, if none is named with the task.
     pub robot: Option<String>,
-    /// Scene [default: that of the robot's data, else `free`].
+    /// Scene [default: the scene of the robot's data, else `free`].
     pub scene: Option<String>,
     /// Ground that is not flat, in place of a scene.
     pub terrain: Option<TerrainSpec>,
@@ -33,7 +33,7 @@ pub(super) struct Keys {
     pub steps: u64,
     /// Numbers in an action [default: one a joint].
     pub actions: Option<usize>,
-    /// What is drawn for an episode.
+    /// Quantities drawn for an episode.
     #[serde(default)]
     pub command: BTreeMap<String, Command>,
     /// Expressions by name.
@@ -45,7 +45,7 @@ pub(super) struct Keys {
     pub reward: Terms,
     pub over: Option<String>,
     pub miss: Option<String>,
-    /// What may be missed, and its unit [default: 1].
+    /// Tolerance and its unit [default: 1].
     #[serde(default)]
     pub allowed: Allowed,
 }
@@ -84,10 +84,10 @@ impl TryFrom<Value> for Allowed {
     fn try_from(value: Value) -> Result<Self, String> {
         let text = expression("allowed", value)?;
         let (number, unit) = text.split_once(' ').unwrap_or((&text, ""));
-        let number = number.parse::<f64>().ok().filter(|x| *x > 0.0 && x.is_finite());
-        let number =
-            number.ok_or_else(|| format!("allowed is \"{text}\": a number above 0 is needed and its unit, such as \"0.1 m/s\""))?;
-        // Nothing is converted, so there is one unit of each kind.
+        let number = number.parse::<f64>().ok().filter(|x| (1e-9..=1e6).contains(x));
+        let number = number
+            .ok_or_else(|| format!("allowed is \"{text}\": a number from 1e-9 to 1e6 is needed and its unit, such as \"0.1 m/s\""))?;
+        // Units are not converted, so each kind has exactly one.
         if let Some(other) = unit.split(|c: char| !c.is_alphabetic() && c != '%').find(|u| !["", "m", "rad", "s", "kg", "N"].contains(u)) {
             let known = [("cm", 1e-2, "m"), ("mm", 1e-3, "m"), ("ms", 1e-3, "s"), ("g", 1e-3, "kg"), ("deg", 1f64.to_radians(), "rad")];
             let known = known.iter().find(|(own, ..)| *own == other);

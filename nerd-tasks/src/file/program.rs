@@ -1,10 +1,10 @@
-//! A formula that was read: recorded steps, without those that nothing comes of and without any twice, gone through again for any kind of number.
+//! A formula after reading: recorded steps, without unused and duplicate ones, to be evaluated for any kind of number.
 
 use std::collections::HashMap;
 
 use crate::formula::{Given, Leaf, Node, Number, Sight, Tape, Traced};
 
-/// The steps, and what they say in the end.
+/// The steps, and the results they compute.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Program {
     nodes: Vec<Node>,
@@ -14,7 +14,7 @@ pub(super) struct Program {
 }
 
 impl Program {
-    /// What a tape needs to say `out`.
+    /// The part of a tape that `out` depends on.
     pub fn of(tape: &Tape, out: &[Traced]) -> Self {
         let (nodes, lists) = (tape.nodes.borrow(), tape.lists.borrow());
         let out: Vec<Given> = out.iter().map(|x| x.given()).collect();
@@ -29,7 +29,7 @@ impl Program {
         ask(&mut used, &out);
         for k in (0..nodes.len()).rev() {
             match nodes[k].0 {
-                // The torques of a call come one after the other, all or none.
+                // The torques of a call are consecutive; all of them are kept or none.
                 Node::Leaf(Leaf::Controlled { call, i: 0 }) if used[k..k + lists[call].len()].contains(&true) => {
                     used[k..k + lists[call].len()].fill(true);
                     ask(&mut used, &lists[call]);
@@ -57,7 +57,13 @@ impl Program {
         Self { nodes: kept, lists: lists.iter().map(|list| all(list)).collect(), out: all(&out) }
     }
 
-    /// What it says; `action` and `torques` are those of formulas that are given them.
+    /// Whether its result is the torques of one call of the controller and nothing else.
+    pub fn controlled(&self) -> bool {
+        let own = |(i, x): (usize, &Given)| matches!(x, Given::Node(k) if self.nodes[*k] == Node::Leaf(Leaf::Controlled { call: 0, i }));
+        !self.out.is_empty() && self.out.iter().enumerate().all(own)
+    }
+
+    /// Evaluates it; `action` and `torques` are given to formulas that use them.
     pub fn run<N: Number>(&self, sight: &mut impl Sight<N>, action: &[N], torques: &[N]) -> Vec<N> {
         let mut values: Vec<N> = Vec::with_capacity(self.nodes.len());
         let mut place: Option<(usize, [f64; 3], [N; 3])> = None;
@@ -93,7 +99,7 @@ impl Program {
                         }
                         called[i]
                     }
-                    // Of ways back alone.
+                    // Leaves of adjoints alone.
                     Leaf::By(_) | Leaf::Pushed { .. } => N::from(f64::NAN),
                 },
             };
@@ -102,13 +108,13 @@ impl Program {
         self.out.iter().map(|x| value(&values, *x)).collect()
     }
 
-    /// Numbers of a goal that it reads, up to the last.
+    /// One more than the largest goal index that it reads.
     pub fn goals(&self) -> usize {
         let read = |node: &Node| if let Node::Leaf(Leaf::Goal(k)) = node { k + 1 } else { 0 };
         self.nodes.iter().map(read).max().unwrap_or(0)
     }
 
-    /// Numbers that it says.
+    /// Number of results.
     pub fn len(&self) -> usize {
         self.out.len()
     }

@@ -20,12 +20,12 @@ pub struct FileTask {
     system: Arc<System>,
     text: String,
     goal: Vec<[f64; 2]>,
-    /// Names of those, as far as they have some.
+    /// Names of the goal's numbers, where they have some.
     names: Vec<String>,
     terms: Vec<String>,
     place: bool,
     keys: Keys,
-    /// Observation, torques, reward and its terms, end and miss.
+    /// Observation, torques, reward and its terms, end and error.
     observe: Program,
     act: Program,
     reward: Program,
@@ -36,14 +36,14 @@ pub struct FileTask {
 }
 
 impl FileTask {
-    /// From the text of a file, for a robot as [`System::named`] knows it, or for that which the file names; `name` is what it is called by.
+    /// From the text of a file, for a robot named as in [`System::named`], or for the file's own robot; `name` is the task's name.
     ///
     /// # Errors
-    /// What is wrong with the text, with its key and column; that there is no such robot or scene.
+    /// Faults of the text, with key and column; an unknown robot or scene.
     pub fn new(name: &str, text: &str, robot: Option<&str>) -> Result<Self, TaskError> {
         let wrong = |said: String| TaskError::File(name.into(), said);
         let keys: Keys = toml::from_str(text).map_err(|e| match e.message() {
-            // It has no place.
+            // This error has no place.
             missing if missing.starts_with("missing field") && e.span().is_none_or(|span| span.start == 0) => wrong(missing.into()),
             _ => wrong(e.to_string().trim().replace('\n', " ")),
         })?;
@@ -64,12 +64,11 @@ impl FileTask {
         let ground = keys.terrain.map(|_| TERRAIN.into()).or_else(|| system.spec.data_scene.clone());
         let usual = ground.unwrap_or_else(|| "free".into());
         levels(&keys).map_err(wrong)?;
+        ranges(&keys).map_err(wrong)?;
         let scene = system.scene(keys.scene.as_ref().unwrap_or(&usual))?;
         let facts = Facts::new(&system, &scene, system.frame_time * keys.frames as f64);
         let actions = keys.actions.unwrap_or(system.robot.joint_count());
-        if actions > 4096 {
-            return Err(wrong(format!("actions is {actions}; at most 4096 are borne")));
-        }
+        within("actions", actions as f64, 1.0..=4096.0, "").map_err(wrong)?;
         let (goal, commands, place) = commands(&keys);
         let levels = keys.levels.map(|levels| (goal.len() - 2, levels));
         names(&facts, &keys, &commands).map_err(wrong)?;
@@ -84,7 +83,7 @@ impl FileTask {
                 out.extend(if summed { vec![reader.one(&key, text).map_err(wrong)?] } else { reader.read(&key, text).map_err(wrong)? });
             }
             if key == "reward" {
-                // Of one expression, the names that it speaks of.
+                // The terms of a single sum: the names that it refers to.
                 let own = if let [(name, _)] = all
                     && name.is_empty()
                 {
@@ -108,7 +107,7 @@ impl FileTask {
             Terms::Sum(terms) => terms.clone().into_iter().collect(),
         };
         let usual = Some("controlled(action)".to_string());
-        // Also those that nothing uses, each alone.
+        // Also names that nothing uses, each alone.
         for name in keys.lets.keys() {
             read(Part::Reward, "let", &[(name.clone(), name.clone())], false)?;
         }
@@ -167,7 +166,7 @@ impl FileTask {
     }
 }
 
-/// Ranges of a goal's numbers, where each command is among them, and whether the first three are a place: `target`, which is shown.
+/// Ranges of a goal's numbers, where each command is among them, and whether the first three are a position `target`, which is shown.
 type Commands = (Vec<[f64; 2]>, Vec<(String, Range<usize>)>, bool);
 
 fn commands(keys: &Keys) -> Commands {
@@ -196,7 +195,21 @@ fn levels(keys: &Keys) -> Result<(), String> {
     }
 }
 
-/// Refuses names that mean something else, or nothing that can be written.
+/// Largest value of a command, in its unit, and most numbers of all commands.
+const FAR: f64 = 1e6;
+const ASKED: f64 = 4096.0;
+
+fn ranges(keys: &Keys) -> Result<(), String> {
+    within("numbers of [command]", keys.command.values().map(|command| command.0.len()).sum::<usize>() as f64, 0.0..=ASKED, "")?;
+    let all = keys.command.iter().flat_map(|(name, command)| command.0.iter().map(move |range| (name, range)));
+    for (name, range) in all {
+        let end = |x| within(format!("command.{name} is {range}; an end"), x, -FAR..=FAR, "");
+        end(range.low).and_then(|()| end(range.high))?;
+    }
+    Ok(())
+}
+
+/// Refuses names that are taken, or that are not identifiers.
 fn names(facts: &Facts, keys: &Keys, commands: &[(String, Range<usize>)]) -> Result<(), String> {
     let all = commands.iter().map(|c| (&c.0, "command")).chain(keys.lets.keys().map(|name| (name, "let")));
     let terms = if let Terms::Sum(terms) = &keys.reward { Some(terms.keys()) } else { None };
@@ -205,7 +218,7 @@ fn names(facts: &Facts, keys: &Keys, commands: &[(String, Range<usize>)]) -> Res
         if syn::parse_str::<syn::Ident>(name).is_err() {
             return Err(format!("{said}: a name has letters, digits and `_`, and no digit first"));
         }
-        // A term has a name for tables alone.
+        // A term's name is used only in tables.
         if table == "reward" {
             continue;
         }
@@ -219,7 +232,7 @@ fn names(facts: &Facts, keys: &Keys, commands: &[(String, Range<usize>)]) -> Res
     Ok(())
 }
 
-/// A text for good, once for all that are the same.
+/// A text with static lifetime, stored once for all that are equal.
 fn kept(text: &str) -> &'static str {
     static KEPT: Mutex<Option<HashSet<&'static str>>> = Mutex::new(None);
     let mut kept = KEPT.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
@@ -267,6 +280,10 @@ impl Formulas for FileTask {
 
     fn memory(&self) -> usize {
         self.memory
+    }
+
+    fn controlled(&self) -> bool {
+        self.act.controlled()
     }
 
     fn allowed(&self) -> (f64, &str) {

@@ -1,10 +1,10 @@
-//! What expressions may name: quantities of a robot, by its file.
+//! Words of expressions: quantities of a robot, by its file.
 
 use nerd_sim::{prelude::*, scene::foot};
 
 use crate::formula::{Leaf, Number, Tape, Traced};
 
-/// What the numbers of a vector are of.
+/// The objects that a vector's numbers belong to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Of {
     Numbers,
@@ -16,24 +16,25 @@ pub(super) enum Of {
 pub(super) struct Facts {
     pub system: Arc<System>,
     pub up: Vector3<f64>,
-    /// Whether the ground is not flat; height of flat ground (m), and of the root's origin above it where the lowest point stands on it.
+    /// Whether the ground is not flat; height of flat ground (m), and of the root's origin above it when the lowest point stands on it.
     terrain: bool,
     floor: f64,
     standing: f64,
     /// Its longest side (m).
     size: f64,
-    /// Points of links that stand, and the others.
+    /// Contact points of links that stand, and the others.
     pub feet: Vec<usize>,
     pub body: Vec<usize>,
     /// Time of a step (s).
     pub step: f64,
-    /// Where the longest chain of links ends: the link, and the place in its axes. Where that is, and where the chain begins (m); its length.
+    /// The end of the longest chain of links: the link, and the position in its axes. Positions of the chain's end and beginning (m); its
+    /// length.
     tool: (usize, [f64; 3]),
     ends: [Vector3<f64>; 2],
     reach: f64,
 }
 
-/// A link stands whose lowest place is within this share of the standing height of the lowest.
+/// A link counts as a foot if its lowest point is within this share of the standing height above the lowest of all.
 const STANDS: f64 = 0.1;
 
 impl Facts {
@@ -64,14 +65,14 @@ impl Facts {
         }
         let last = (0..robot.links.len()).max_by(|a, b| lengths[*a].total_cmp(&lengths[*b])).unwrap_or(0);
         let fixed = robot.frames.iter().filter(|frame| frame.link == Some(last)).map(|frame| frame.pose.translation.vector);
-        let tip = fixed.max_by(|a, b| a.norm().total_cmp(&b.norm())).unwrap_or_default();
+        let tip = fixed.max_by(|a, b| a.norm().total_cmp(&b.norm())).unwrap_or(robot.links[last].frame.translation.vector);
         let (reach, ends) = (lengths[last] + tip.norm(), [point_position(&data, last, &tip), origin(first[last])]);
         let tool = (last, tip.into());
         let terrain = scene.terrain().is_some();
         Self { system: system.clone(), up, terrain, floor, standing, size, feet, body, step, tool, ends, reach }
     }
 
-    /// Axes of the root by rows of the world's: `[i][j]` is how far its axis j goes along the world's axis i.
+    /// Axes of the root, by rows of the world's: `[i][j]` is the component of its axis j along the world's axis i.
     fn turn<'a>(&self, tape: &'a Tape) -> [[Traced<'a>; 3]; 3] {
         let [x, y, z, c] = [3, 4, 5, 6].map(|k| state(tape, k));
         // The state's quaternion need not be of unit length.
@@ -90,7 +91,8 @@ impl Facts {
         (0..3).map(|j| sum((0..3).filter(|i| !none(v[*i])).map(|i| turn[i][j] * v[i]))).collect()
     }
 
-    /// A word that is no command and no name of the file's own; none if there is no such word. Refused is one of a free root on a fixed base.
+    /// A word that is neither a command nor one of the file's own names; `None` if there is no such word. Words of a free root are refused
+    /// on a fixed base.
     pub fn word<'a>(&self, tape: &'a Tape, name: &str) -> Option<Result<(Vec<Traced<'a>>, Of), String>> {
         let (system, robot) = (&self.system, &self.system.robot);
         let (coords, nq, dofs) = (robot.root_coords(), robot.nq(), robot.root_dofs());
@@ -169,25 +171,23 @@ impl Facts {
         Some(Ok(found))
     }
 
-    /// Height of the ground (m) so far ahead of a free root and to its left, as it heads.
+    /// Height of the ground (m) at a distance ahead of a free root and to its left, relative to its heading.
     pub fn ground<'a>(&self, tape: &'a Tape, at: [f64; 2]) -> Traced<'a> {
         if self.terrain { tape.leaf(Leaf::Ground(at), f64::NAN) } else { Traced::from(self.floor) }
     }
 
-    /// Words that there are, beside those of parts of a file.
+    /// All words, except names of parts of a robot's file.
     pub const WORDS: &str = "q, qd, rest, low, high, kp, kd, gain, most, position, quaternion, twist, height, ground, up, forward, velocity, spin, \
                              world_velocity, world_spin, gap, radius, feet, body, mass, weight, size, standing, step, time, tool, rest_tool, \
                              shoulder, reach, pi, deg, action, last_action, torque";
 
-    /// Where a link or a frame on one is: the link, and the place in its axes.
+    /// The frame of a link or of a body fixed on it: the link, and position and rotation in the link's axes.
     pub fn frame(&self, name: &str) -> Option<(usize, Vector3<f64>, Matrix3<f64>)> {
-        let robot = &self.system.robot;
-        let fixed = || robot.frames.iter().find(|frame| frame.name == name).and_then(|f| Some((f.link?, f.pose)));
-        let link = robot.link(name).ok().map(|link| (link, Vector3::zeros(), Matrix3::identity()));
-        link.or_else(|| fixed().map(|(link, pose)| (link, pose.translation.vector, pose.rotation.to_rotation_matrix().into_inner())))
+        let frame = self.system.robot.frame(name).ok()?;
+        Some((frame.link?, frame.pose.translation.vector, frame.pose.rotation.to_rotation_matrix().into_inner()))
     }
 
-    /// A joint's number among all, or those of a link's points.
+    /// Index of a joint, or indices of a link's contact points.
     pub fn named(&self, name: &str, of: Of) -> Result<Vec<usize>, String> {
         let robot = &self.system.robot;
         let (found, what, known): (Vec<usize>, _, Vec<_>) = match of {
@@ -212,7 +212,7 @@ impl Facts {
     }
 }
 
-/// Of the root's origin: the linear part of its twist is about the world's origin.
+/// Velocity of the root's origin: the linear part of its twist is about the world's origin.
 fn world_velocity(tape: &Tape, nq: usize) -> [Traced<'_>; 3] {
     let (p, [w, v]) = ([0, 1, 2].map(|k| state(tape, k)), [0, 3].map(|at| [0, 1, 2].map(|k| state(tape, nq + at + k))));
     let cross = |i: usize| w[(i + 1) % 3] * p[(i + 2) % 3] - w[(i + 2) % 3] * p[(i + 1) % 3];

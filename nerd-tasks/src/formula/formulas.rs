@@ -40,7 +40,7 @@ pub trait Formulas: Send + Sync {
         Vec::new()
     }
 
-    /// As [`crate::Task::memory`], behind what is drawn of the goal.
+    /// As [`crate::Task::memory`], after the drawn numbers of the goal.
     fn memory(&self) -> usize {
         0
     }
@@ -56,6 +56,11 @@ pub trait Formulas: Send + Sync {
     /// Writes the joint torques (N m or N) of an action, which is in [-1, 1].
     fn act<N: Number>(&self, sight: &mut impl Sight<N>, action: &[N], torques: &mut [N]);
 
+    /// As [`crate::Task::controlled`].
+    fn controlled(&self) -> bool {
+        false
+    }
+
     /// Reward for arriving here; `torques` acted in the last frame.
     fn reward<N: Number>(&self, sight: &mut impl Sight<N>, torques: &[N]) -> N;
 
@@ -64,12 +69,12 @@ pub trait Formulas: Send + Sync {
         &[]
     }
 
-    /// The reward, and behind it its terms.
+    /// The reward, followed by its terms.
     fn rewards<N: Number>(&self, sight: &mut impl Sight<N>, torques: &[N]) -> Vec<N> {
         vec![self.reward(sight, torques)]
     }
 
-    /// How far this is from what is asked for, as [`crate::Task::miss`].
+    /// Error relative to the tolerance, as [`crate::Task::miss`].
     fn miss<N: Number>(&self, _sight: &mut impl Sight<N>) -> Option<N> {
         None
     }
@@ -79,8 +84,15 @@ pub trait Formulas: Send + Sync {
         (1.0, "")
     }
 
-    /// Whether being here ends the episode: 1 or 0.
+    /// Whether this state ends the episode: 1 or 0.
     fn over<N: Number>(&self, _sight: &mut impl Sight<N>) -> N {
         N::from(0.0)
     }
+}
+
+/// Torques of a frame for the reward, clamped: with a controller that acts inside the frame they are its commands without bounds.
+pub(super) fn bounded<N: Number>(task: &impl Formulas, system: &System, torques: impl Iterator<Item = N>) -> Vec<N> {
+    let bounds = (0..).map(|joint| if task.controlled() { system.most(joint) } else { f64::INFINITY });
+    let bound = |(tau, most): (N, f64)| if most.is_finite() { tau.max(N::from(-most)).min(N::from(most)) } else { tau };
+    torques.zip(bounds).map(bound).collect()
 }

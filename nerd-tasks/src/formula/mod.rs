@@ -1,6 +1,6 @@
-//! Tasks as formulas, written once for any kind of number: with f64 they are what the CPU reckons, recorded the same steps are written
-//! down as a program for a graphics card. So a task of one's own that is [`Formulas`] runs there like the built-in ones. Either has slopes:
-//! one way back over the recorded steps (`sweep.rs`), for numbers and for text.
+//! Tasks as formulas, written once for any kind of number: with f64 they are evaluated on the CPU, with recorded numbers the same steps
+//! become a program for a GPU. So a task of one's own that is [`Formulas`] runs there like the built-in ones. Either has gradients: one
+//! adjoint sweep over the recorded steps (`sweep.rs`), for numbers and for text.
 //! `examples/backwards.rs` has one.
 
 mod formulas;

@@ -6,7 +6,7 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 pub trait Number:
     Copy + From<f64> + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
 {
-    /// What a function makes of this number and another one.
+    /// Applies a function of this number and another one.
     #[doc(hidden)]
     fn made(self, function: Function, other: Self) -> Self;
 
@@ -30,7 +30,7 @@ pub trait Number:
         self.made(Function::Cos, 0.0.into())
     }
 
-    /// Without its sign.
+    /// Absolute value.
     fn abs(self) -> Self {
         self.made(Function::Abs, 0.0.into())
     }
@@ -60,7 +60,7 @@ pub trait Number:
         self * self
     }
 
-    /// Whether one of two is so.
+    /// Whether one of the two holds (1 or 0).
     fn or(self, other: Self) -> Self {
         self.max(other)
     }
@@ -88,7 +88,7 @@ impl Number for f64 {
     }
 }
 
-/// What is made of two numbers; the second is nothing to some.
+/// Functions of two numbers; some ignore the second.
 #[doc(hidden)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Function {
@@ -108,12 +108,12 @@ pub enum Function {
     Below,
 }
 
-/// Where a root is steeper than this its slope is held: that of a distance has none at 0.
+/// Largest derivative of a square root: at 0 it is infinite, as for a distance.
 const STEEPEST: f64 = 1e12;
 
 impl Function {
-    /// Slopes by both numbers, y being what is made of them; none where nothing depends on one. Where two are equal the first is the larger
-    /// and the smaller one.
+    /// Derivatives with respect to both numbers, y being the result; `None` if it does not depend on one. For equal numbers max and min
+    /// take the first.
     pub(super) fn slopes<N: Number>(self, a: N, b: N, y: N) -> [Option<N>; 2] {
         let one = N::from(1.0);
         match self {

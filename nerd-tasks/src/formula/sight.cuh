@@ -1,23 +1,24 @@
-// What formulas may ask about one environment.
+// Quantities of one environment that formulas may read.
 
-// What constants that are no finite numbers are divided by.
+// Divisor for constants that are not finite.
 FN double zero() { return 0; }
 
 struct Seen { const double *state, *goal, *scene; Work* work; };
 
-// In the world.
+// Position in the world.
 FN double place(const Seen& s, int link, double x, double y, double z, int k) {
     const Tree& t = s.work->tree;
     const V3 p = t.position[link] + t.rotation[link] * v3(x, y, z);
     return (k == 0 ? p.x : k == 1 ? p.y : p.z) + stands(*s.work, k);
 }
-// Called and not written out for every point of a robot that a task names: a G1 has 72, which took a minute to compile.
+// A function, not inlined for every point of a robot that a task names: a G1 has 72, which took a minute to compile.
 BIG double gap(const Seen& s, int point) { return nearest(*s.work, point); }
 
-// Height of ground that is not flat, so far ahead of the root and to its left, as it heads.
+// Height of uneven ground at a distance ahead of the root and to its left, relative to its heading.
 BIG double ground(const Seen& s, double ahead, double aside) {
 #if FIELDS
     const double* f = terrain(s.scene);
+    if (!f) return 0;
     const double x[3] = {1, 0, 0};
     double turn[4], along[3], at[3] = {0, 0, 0}, a = 0, b = 0, up = 0, size = 0, slope[2];
     for (int k = 3; k < 7; k++) size += s.state[k] * s.state[k];
@@ -34,13 +35,13 @@ BIG double ground(const Seen& s, double ahead, double aside) {
     b = length > 1e-9 ? b / length : 0;
     const int first[2] = {0, 0};
     const double* g = grid(f);
-    return up + height(g, f[13], first, (at[0] + a * ahead - b * aside) / g[0], (at[1] + b * ahead + a * aside) / g[0], slope);
+    return up + height(g, f[13], first, (at[0] + a * ahead - b * aside) / g[GRID_CELLS], (at[1] + b * ahead + a * aside) / g[GRID_CELLS + 1], slope);
 #else
     return 0;
 #endif
 }
 
-// Adds to loads on links what a gradient by one of these does.
+// Adds to loads on links the gradient that reaches them through one of these quantities.
 FN void place_back(const Seen& s, int link, double x, double y, double z, int k, double by, Wrench* load) {
     const Tree& t = s.work->tree;
     const V3 p = t.position[link] + t.rotation[link] * v3(x, y, z), force = v3(k == 0, k == 1, k == 2) * by;
@@ -51,6 +52,7 @@ FN void gap_back(const Seen& s, int point, double by, Wrench* load) {
     real least = infinite();
     V3 normal = v3(0, 0, 0);
     for (int c = 0; c < w.surfaces; c++) {
+        if (!may(w, point, c)) continue;
         V3 own, at;
         const real d = meets(w.tree, w.surface[c], point, own, at);
         if (d < least) { least = d; normal = own; }

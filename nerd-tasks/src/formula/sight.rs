@@ -1,11 +1,11 @@
-//! What formulas can read of one environment.
+//! Quantities of one environment that formulas can read.
 
 use nerd_sim::prelude::*;
 
 use super::tape::{Leaf, Tape, Traced};
 use crate::{View, Work};
 
-/// One environment, in numbers of a kind.
+/// One environment, in numbers of one kind.
 pub trait Sight<N> {
     /// The robot.
     fn system(&self) -> &System;
@@ -13,19 +13,19 @@ pub trait Sight<N> {
     fn q(&self, k: usize) -> N;
     /// Number k of the state's `qd` (m/s, rad/s); a free root's first six are its twist about the world's origin.
     fn qd(&self, k: usize) -> N;
-    /// Number k of what the episode asks for, of [`super::Formulas::goal`].
+    /// Number k of the episode's goal, see [`super::Formulas::goal`].
     fn goal(&self, k: usize) -> N;
-    /// Where in the world a point of a link is (m); `local` in the link's own axes (m).
+    /// World position of a point of a link (m); `local` in the link's own axes (m).
     fn place(&mut self, link: usize, local: [f64; 3]) -> [N; 3];
-    /// How far a contact point is from the scene (m), its radius not taken off; points in the order of the robot's `contact_points`.
+    /// Distance of a contact point from the scene (m), radius not subtracted; points in the order of the robot's `contact_points`.
     fn distance(&mut self, point: usize) -> N;
-    /// Height (m) of ground that is not flat ([`Scene::ground`]), so far (m) ahead of a free root and to its left; 0 of other ground.
+    /// Height (m) of uneven ground ([`Scene::ground`]) at a distance (m) ahead of a free root and to its left; 0 for other ground.
     fn ground(&mut self, at: [f64; 2]) -> N;
     /// The robot's own controller ([`nerd_sim::control::Controller`]): one action a joint in, one torque a joint out (N m or N).
     fn controlled(&mut self, action: &[N], torques: &mut [N]);
 }
 
-/// On the CPU: links and distances are found when they are first asked for.
+/// On the CPU: poses of links and distances are computed at their first use.
 pub(super) struct Direct<'a> {
     view: View<'a>,
     work: &'a mut Work,
@@ -67,7 +67,7 @@ impl Sight<f64> for Direct<'_> {
     fn distance(&mut self, point: usize) -> f64 {
         let Work { system, data, events, .. } = &mut *self.work;
         if !std::mem::replace(&mut self.near, true) {
-            contacts(&system.robot, self.view.scene, self.view.state, data, events);
+            contacts(system, self.view.scene, self.view.state, data, events);
             self.placed = false;
         }
         events[point].distance
@@ -82,7 +82,7 @@ impl Sight<f64> for Direct<'_> {
     }
 }
 
-/// What is asked for is recorded; its values are known on the CPU alone.
+/// Records every access; values exist on the CPU alone.
 pub(super) struct Recorded<'a, 'b> {
     pub tape: &'a Tape,
     system: &'b System,
@@ -91,12 +91,12 @@ pub(super) struct Recorded<'a, 'b> {
 }
 
 impl<'a, 'b> Recorded<'a, 'b> {
-    /// Of no state yet.
+    /// Without a state.
     pub fn unknown(tape: &'a Tape, system: &'b System, goals: usize) -> Self {
         Self { tape, system, goals, direct: None }
     }
 
-    /// Of what is seen.
+    /// With the values of a view.
     pub fn of(tape: &'a Tape, system: &'b System, view: View<'b>, work: &'b mut Work) -> Self {
         Self { tape, system, goals: view.goal.len(), direct: Some(Direct::new(view, work)) }
     }

@@ -1,24 +1,24 @@
-//! Slopes of a task's formulas on the CPU: reverse mode over the record of one evaluation.
+//! Gradients of a task's formulas on the CPU: reverse mode over the record of one evaluation.
 
 use nerd_core::tangent::{numbers_back, push, wrenches_back};
 use nerd_sim::prelude::*;
 
-use super::Formulas;
 use super::sight::Recorded;
 use super::sweep::{Ends, sweep};
 use super::tape::{Given, Leaf, Node, Tape, Traced};
+use super::{Formulas, formulas::bounded};
 use crate::{Slopes, View, Work};
 
-/// Where gradients go.
+/// Destinations of gradients.
 struct Found<'a> {
     nodes: &'a [(Node, f64)],
     lists: &'a [Vec<Given>],
     controller: &'a mut Controller,
     state: &'a [f64],
     by_state: Vec<f64>,
-    /// By actions or torques.
+    /// With respect to actions or torques.
     by_given: &'a mut [f64],
-    /// By places of links, and by distances of contact points.
+    /// With respect to positions of links, and to distances of contact points.
     places: Vec<(usize, [f64; 3], Vector3<f64>)>,
     gaps: Vec<(usize, f64)>,
 }
@@ -49,7 +49,7 @@ impl Ends<f64> for Found<'_> {
     }
 }
 
-/// Adds to `slope`, by the state, and to `by_given` what comes of gradients `by` what `say` says.
+/// Vector-Jacobian product of the formulas `say` with upstream gradients `by`: adds to `slope` (state) and to `by_given`.
 fn back(
     view: View,
     work: &mut Work,
@@ -71,7 +71,7 @@ fn back(
         return;
     }
     if !found.gaps.is_empty() {
-        contacts(robot, view.scene, view.state, data, events);
+        contacts(&system, view.scene, view.state, data, events);
     }
     kinematics(robot, view.state, data);
     let mut loads = vec![Wrench::default(); robot.links.len()];
@@ -107,9 +107,10 @@ impl<F: Formulas> Slopes for F {
     }
 
     fn reward_back(&self, view: View, torques: &[f64], work: &mut Work, by: f64, slope: &mut [f64], by_torques: &mut [f64]) {
+        let system = work.system.clone();
         back(view, work, &[by], (slope, by_torques), |sight| {
             let torques = torques.iter().enumerate().map(|(k, tau)| sight.tape.leaf(Leaf::Torque(k), *tau));
-            given(&[self.reward(sight, &torques.collect::<Vec<_>>())])
+            given(&[self.reward(sight, &bounded(self, &system, torques))])
         });
     }
 }

@@ -1,19 +1,20 @@
-//! The way back through recorded formulas, for any kind of number: numbers give slopes, recorded ones the lines that find them.
+//! The adjoint sweep through recorded formulas, for any kind of number: plain numbers give gradients, recorded ones the program that
+//! computes them.
 
 use super::Number;
 use super::tape::{Given, Leaf, Node};
 
-/// What a way back comes from and arrives at.
+/// Inputs and destinations of an adjoint sweep.
 pub(super) trait Ends<N> {
-    /// What a node says.
+    /// Value of a node.
     fn value(&self, node: usize) -> N;
-    /// A gradient by what was given.
+    /// Receives the gradient with respect to a leaf.
     fn leaf(&mut self, leaf: Leaf, by: N);
-    /// Gradients by the action of a call of the controller, from those by its torques.
+    /// Gradients with respect to the action of a call of the controller, from those with respect to its torques.
     fn controlled(&mut self, call: usize, by: &[N]) -> Vec<N>;
 }
 
-/// From gradients `seeds` by what was said to those by the leaves of `nodes`; `lists` are the actions of calls.
+/// Maps gradients `seeds` with respect to results to those with respect to the leaves of `nodes`; `lists` are the actions of calls.
 pub(super) fn sweep<N: Number>(nodes: &[Node], lists: &[Vec<Given>], seeds: &[(Given, N)], ends: &mut impl Ends<N>) {
     let mut by: Vec<Option<N>> = vec![None; nodes.len()];
     let add = |by: &mut Vec<Option<N>>, at: Given, g: N| {
@@ -24,7 +25,7 @@ pub(super) fn sweep<N: Number>(nodes: &[Node], lists: &[Vec<Given>], seeds: &[(G
     seeds.iter().for_each(|(at, g)| add(&mut by, *at, *g));
     for k in (0..nodes.len()).rev() {
         match (nodes[k], by[k]) {
-            // The torques of a call come one after the other; this is the last of them on the way back.
+            // The torques of a call are consecutive; the sweep meets the first one (i = 0) last.
             (Node::Leaf(Leaf::Controlled { call, i: 0 }), _) => {
                 let of = &by[k..k + lists[call].len()];
                 if of.iter().any(Option::is_some) {

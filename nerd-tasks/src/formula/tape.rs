@@ -1,36 +1,36 @@
-//! Formulas as a record: every operation is a node, of which values, slopes and text are made.
+//! Formulas as a record: every operation is a node, from which values, gradients and text are made.
 
 use std::cell::RefCell;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::number::{Function, Number};
 
-/// A number that a formula is given.
+/// An input of a formula.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Leaf {
     /// Number k of the state.
     State(usize),
-    /// Of the goal.
+    /// Number k of the goal.
     Goal(usize),
-    /// Of the action.
+    /// Number k of the action.
     Action(usize),
-    /// Of the torques of the last frame.
+    /// Number k of the torques of the last frame.
     Torque(usize),
-    /// Of the gradient that a way back begins with.
+    /// Number k of the upstream gradient of an adjoint.
     By(usize),
-    /// A coordinate of a point of a link, given in its own axes.
+    /// A coordinate of a point of a link, given in the link's own axes.
     Place { link: usize, local: [f64; 3], axis: usize },
-    /// How far a contact point is from the scene.
+    /// Distance of a contact point from the scene.
     Distance(usize),
-    /// Height of the ground so far ahead of a free root and to its left. It counts as constant.
+    /// Height of the ground at a distance ahead of a free root and to its left. It is held constant.
     Ground([f64; 2]),
-    /// Torque i of a call of the controller, one after the other.
+    /// Torque i of a call of the controller.
     Controlled { call: usize, i: usize },
-    /// Gradient by number i of the action of a call, `by` its torques.
+    /// Gradient with respect to number i of the action of a call, from the torques' gradient in list `by`.
     Pushed { call: usize, by: usize, i: usize },
 }
 
-/// A number that is known, or one of a node.
+/// A known number, or a node's value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Given {
     Known(f64),
@@ -43,13 +43,13 @@ pub(crate) enum Node {
     Made(Function, [Given; 2]),
 }
 
-/// The nodes so far, each with its value where those of leaves are known.
+/// The nodes so far, each with its value if the values of its leaves are known.
 #[derive(Debug, Default)]
 pub struct Tape {
     pub(crate) nodes: RefCell<Vec<(Node, f64)>>,
-    /// Actions of calls of the controller, and gradients by their torques.
+    /// Actions of calls of the controller, and gradients with respect to their torques.
     pub(crate) lists: RefCell<Vec<Vec<Given>>>,
-    /// What reaches too far.
+    /// The first index out of range, if any.
     pub(crate) wrong: RefCell<Option<String>>,
 }
 
@@ -70,7 +70,7 @@ impl Tape {
         lists.len() - 1
     }
 
-    /// Whether number k of so many is one of them.
+    /// Records an error unless index k is below `count`.
     pub(crate) fn among(&self, what: &str, k: usize, count: usize) {
         if k >= count {
             self.wrong.borrow_mut().get_or_insert_with(|| format!("number {k} of {count} {what} is asked for"));
@@ -81,7 +81,7 @@ impl Tape {
 /// A number of a formula that is recorded.
 #[derive(Clone, Copy, Debug)]
 pub enum Traced<'a> {
-    /// Known beforehand.
+    /// Known when recorded.
     Number(f64),
     /// Of this node.
     Node(&'a Tape, usize),

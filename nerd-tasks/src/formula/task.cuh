@@ -1,10 +1,11 @@
-// Episodes of a task in many environments, as episodes.rs has them.
+// Episodes of a task in many environments, as in episodes.rs.
 
 constexpr int STATE = NQ + NV;
-// A coordinate beyond this is no motion any more.
+// A coordinate beyond this counts as a failure.
 constexpr double FAR = 1e5;
 
-// All environments, row by row. `begun` and the seed's key determine the next draws; `memory` counts what a learned solver remembers of each.
+// All environments, row by row. `begun` and the seed's key determine the next draws; `memory` counts the frames that a learned solver
+// remembers.
 struct World {
     double *states, *goals, *torques, *scenes;
     const int* scene_of;
@@ -15,7 +16,7 @@ struct World {
     unsigned* counts;
     // Whether episodes go up and down in levels.
     int n, climbs;
-    // States before the last frames of each, the newest first, where what is seen is late.
+    // States before the last frames of each environment, the newest first, for delayed observations.
     double* before;
 };
 
@@ -36,7 +37,7 @@ BIG void restart(const World& w, int env) {
     if (w.climbs) goal[LEVEL_AT] = level;
     terrain(scene)[13] = goal[LEVEL_AT];
 #endif
-    if (DOFS) strewn(d, state, scene);
+    if (DOFS && terrain(scene)) strewn(d, state, scene);
 #endif
     for (int k = 0; k < STATE; k++) w.states[(long long)env * STATE + k] = state[k];
     w.frames[env] = 0;
@@ -44,7 +45,7 @@ BIG void restart(const World& w, int env) {
     if (w.memory) w.memory[env] = 0;
 }
 
-// Counts a frame, or restarts what could not be stepped.
+// Counts a frame, or restarts an environment that could not be stepped.
 FN void counted(const World& w, int env) {
     if (!w.faults[env]) { w.frames[env]++; return; }
     if (w.frames[env] == 0 && !w.failed[env]) w.counts[1] = 1 + env;
@@ -52,7 +53,7 @@ FN void counted(const World& w, int env) {
     restart(w, env);
 }
 
-// Where the next episode's level is: up after one that lasted and succeeded, down after one that did not last.
+// Level of the next episode: up after an episode that lasted and succeeded, down after one that did not last.
 FN void climb(const World& w, int env, bool lasted) {
 #if LEVELS
     constexpr unsigned long long steps = LENGTH / STEP_FRAMES;
@@ -62,17 +63,17 @@ FN void climb(const World& w, int env, bool lasted) {
 #endif
 }
 
-// An environment for formulas that ask, or not, for links and distances.
+// An environment for formulas; with `asks` also kinematics and distances.
 FN Seen seen(const World& w, int env, Work& work, bool asks) {
     const Seen s = {w.states + (long long)env * STATE, w.goals + (long long)env * GOALS, w.scenes + (long long)w.scene_of[env] * SCENE, &work};
     if (asks) settle(work, s.state, s.scene);
     return s;
 }
 
-// Where a frame is kept, if it is: state and goal before it, torques in it.
+// Memory of a frame, or null: state and goal before it, torques in it.
 struct Past { double *states, *torques, *goals; };
 
-// After a step: its action becomes the last one, behind what was drawn of the goal, and its number is counted, if that is kept.
+// After a step: its action becomes the last one, after the drawn numbers of the goal; counts the step if the goal has a clock.
 FN void remember(double* goal, const float* action) {
     double* kept = goal + GOALS - MEMORY;
     if (MEMORY % 2) kept[MEMORY - 1] += 1;
@@ -103,7 +104,8 @@ FN void act(const World& w, int env, const float* actions, int frame, Past past)
     if (frame == STEP_FRAMES - 1) remember(w.goals + (long long)env * GOALS, actions + (long long)env * ACTIONS);
 }
 
-// Rows as a policy sees them: the newest observation, its difference from the one before, that one's, and so on (stack.rs).
+// Rows as input of a policy: the newest observation, its difference from the one before, that difference's difference, and so on
+// (stack.rs).
 FN void pushed(const double* now, const double* row, double* out, int depth) {
     for (int j = depth - 1; j > 1; j--)
         for (int k = 0; k < SEEN; k++) out[j * SEEN + k] = row[(j - 1) * SEEN + k];
@@ -134,8 +136,8 @@ FN void observe(const World& w, int env, Work& work, double* out) {
 #endif
 }
 
-// After a step: its reward, how it ended (0 not, 1 terminated, 2 truncated), what is seen then; `cut` gets what was seen where time ran out, and
-// `reached` the state, if they have a place: no number where the solver could not go on.
+// After a step: its reward, how it ended (0 not, 1 terminated, 2 truncated), the next observation. `cut` gets the final observation of
+// truncated episodes, and `reached` the state, if not null; NaN where the solver failed.
 FN void judge(const World& w, int env, const double* row, double* next, double* cut, unsigned* cuts, int depth, double* reward, unsigned char* end,
               double* reached) {
     counted(w, env);
@@ -144,7 +146,7 @@ FN void judge(const World& w, int env, const double* row, double* next, double* 
     for (int k = 0; k < STATE && reached; k++) reached[(long long)env * STATE + k] = w.failed[env] ? 0 / zero() : state[k];
     Work work;
     if (w.failed[env]) {
-        // As the CPU does: once because it failed, once because it ended.
+        // As on the CPU: once because it failed, once because it ended.
         w.begun[env]++;
         *reward = 0;
         *end = 1;

@@ -1,4 +1,4 @@
-//! Every type of [`Formulas`] is a [`Task`], and a program for a graphics card.
+//! Every type of [`Formulas`] is a [`Task`], and a program for a GPU.
 
 use std::fmt::Write;
 use std::sync::Arc;
@@ -8,10 +8,10 @@ use nerd_sim::system::{System, SystemError};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::{Formulas, sight::Direct, text::written};
+use super::{Formulas, formulas::bounded, sight::Direct, text::written};
 use crate::{About, Slopes, Task, View, Work};
 
-/// What both traits say in the same words.
+/// Methods that both traits share.
 macro_rules! alike {
     ($($name:ident($($given:ident: $of:ty)?) -> $said:ty;)+) => { $(
         fn $name(&self, $($given: $of)?) -> $said {
@@ -29,6 +29,7 @@ impl<F: Formulas> Task for F {
         place() -> bool;
         commands() -> Vec<(String, [f64; 2])>;
         memory() -> usize;
+        controlled() -> bool;
         levels() -> Option<(usize, usize)>;
         terms() -> &[String];
         allowed() -> (f64, &str);
@@ -56,11 +57,13 @@ impl<F: Formulas> Task for F {
     }
 
     fn reward(&self, view: View, torques: &[f64], work: &mut Work) -> f64 {
-        Formulas::reward(self, &mut Direct::new(view, work), torques)
+        let torques = bounded(self, &work.system, torques.iter().copied());
+        Formulas::reward(self, &mut Direct::new(view, work), &torques)
     }
 
     fn rewards(&self, view: View, torques: &[f64], work: &mut Work) -> Vec<f64> {
-        Formulas::rewards(self, &mut Direct::new(view, work), torques)
+        let torques = bounded(self, &work.system, torques.iter().copied());
+        Formulas::rewards(self, &mut Direct::new(view, work), &torques)
     }
 
     fn miss(&self, view: View, work: &mut Work) -> Option<f64> {
@@ -80,8 +83,8 @@ impl<F: Formulas> Task for F {
     }
 }
 
-/// What surrounds a solver in an episode, for scenes and robots of this reach: the kernels `task_act` and `task_judge`, and with `slopes`
-/// `task_arrive_back` and `task_acted_back` of the way back through steps. The text is plain C++, too, so that a test runs it where there is no card.
+/// Everything around a solver in an episode, for scenes and robots of this reach: the kernels `task_act` and `task_judge`, and with
+/// `slopes` the adjoint kernels `task_arrive_back` and `task_acted_back`. The text is also plain C++, so that a test runs it without a GPU.
 fn program(task: &impl Formulas, system: &System, reach: Reach, slopes: bool) -> Result<String, String> {
     let (about, mut text) = (Formulas::about(task), episode(system, reach)?);
     let (level, levels) = Formulas::levels(task).unwrap_or_default();
@@ -91,7 +94,7 @@ fn program(task: &impl Formulas, system: &System, reach: Reach, slopes: bool) ->
         let _ = writeln!(text, "#define {name} {n}");
     }
     let _ = writeln!(text, "#define LENGTH {}ull", about.steps * about.frames);
-    // None may be empty.
+    // C++ has no empty arrays.
     let ends: Vec<String> = task.goal().iter().flatten().chain(&[0.0]).map(|x| format!("{x:e}")).collect();
     let _ = writeln!(text, "TABLE double ASKED[] = {{{}}};", ends.join(", "));
     text.push_str(include_str!("sight.cuh"));

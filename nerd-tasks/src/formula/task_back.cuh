@@ -1,26 +1,27 @@
-// The way back through steps of a policy around a solver's: the task's part of it. Slopes by a state are in its tangent space.
+// The task's part of the adjoint through steps of a policy and a solver. Gradients with respect to a state are in its tangent space.
 
-// Steps that were made, and what the way back finds; by step [step][env], by frame [frame][env].
+// Recorded steps, and gradients of the adjoint; by step [step][env], by frame [frame][env].
 struct Steps {
-    // State and goal before each frame, torques in it; what each step led to, no number where the solver could not go on.
+    // State and goal before each frame, torques in it; state after each step, NaN where the solver failed.
     const double *states, *goals, *torques, *reached;
-    // What was seen before each step; rows of which more is asked for; a network sees (row - mean) inverse, within +-5.
+    // Observation before each step; input rows for the value network; a network's input is (row - mean) inverse, within +-5.
     const double *seen, *rows, *mean, *inverse;
-    // What a step's reward counts, how the step ended, the number of the row that it led to, if more is asked for, or -1.
+    // Weight of a step's reward, how the step ended, and the index of its value row, or -1.
     const double* shares;
     const unsigned char* ends;
     const int* asked;
-    // Actions as they were drawn, and their means.
+    // Sampled actions, and their means.
     const float *drawn, *means;
-    // Gradients by what networks see: before the step after, by environment; of the rows.
+    // Gradients with respect to inputs of networks: before the next step, by environment; of the value rows.
     const float *by_seen, *by_rows;
-    // By environment: gradients by a state, by torques of its reward and of the frame after it, and by an action.
+    // By environment: gradients with respect to a state, to torques by the reward and by the next frame, and to an action.
     double *slope, *by_torques, *pushed, *by_action;
-    // Whether an environment has a frame without slopes: then nothing is learned from any of its steps.
+    // Whether an environment has a frame without gradients: then all of its steps are left out.
     unsigned* without;
-    // Gradients by what the policy said, `outputs` numbers of which the means are the first, and by the logarithms of its spread.
+    // Gradients with respect to the policy's outputs, `outputs` numbers with the means first, and to the logarithms of its standard
+    // deviation.
     float *by_said, *by_spread;
-    // Of all shares.
+    // Total weight.
     double scale;
     int outputs, horizon;
 };
@@ -32,7 +33,7 @@ FN Seen was(const World& w, const Steps& b, long long frame, int env, Work& work
     return s;
 }
 
-// Adds what comes of a gradient by what a network sees.
+// Adds the gradient that reaches the state through a network's input.
 FN void seen_back(const Steps& b, const Seen& s, const double* row, const float* by, double* slope) {
     double all[SEEN];
     for (int k = 0; k < SEEN; k++) all[k] = fabs((row[k] - b.mean[k]) * b.inverse[k]) < 5 ? by[k] * b.inverse[k] : 0;
@@ -45,12 +46,12 @@ FN bool sound(const double* x, int n) {
 }
 FN void zeros(double* x, int n) { for (int k = 0; k < n; k++) x[k] = 0; }
 
-// From the state before the step after, whose policy is gone through, to the state that step t led to.
+// From the state before the next step, whose policy is done, to the state after step t.
 FN void arrive_back(const World& w, const Steps& b, int t, int env) {
     const long long i = (long long)t * w.n + env, frame = (long long)(t + 1) * STEP_FRAMES;
     double *slope = b.slope + (long long)env * 2 * NV, *by_torques = b.by_torques + (long long)env * NJ;
     Work work;
-    // Nothing leads back from the start of another episode.
+    // No gradient crosses the start of another episode.
     if (t + 1 == b.horizon || b.ends[i]) {
         zeros(slope, 2 * NV);
     } else {
@@ -62,7 +63,7 @@ FN void arrive_back(const World& w, const Steps& b, int t, int env) {
     const double *state = b.reached + i * STATE, by = -b.scale * b.shares[i];
     if (!(state[0] == state[0])) return;
     Seen s = was(w, b, frame - 1, env, work, state, REWARD_ASKS || (OBSERVE_ASKS && b.asked[i] >= 0));
-    // As it is once the step is over.
+    // The goal as it is after the step.
     double goal[GOALS + 1];
     for (int k = 0; k < GOALS; k++) goal[k] = s.goal[k];
     remember(goal, b.drawn + i * ACTIONS);
@@ -71,7 +72,7 @@ FN void arrive_back(const World& w, const Steps& b, int t, int env) {
     if (b.asked[i] >= 0) seen_back(b, s, b.rows + (long long)b.asked[i] * SEEN, b.by_rows + (long long)b.asked[i] * SEEN, slope);
 }
 
-// From the torques of a frame, whose solver is gone through, to the action of its step, and before the first of the step's frames to what drew that.
+// From the torques of a frame, whose solver is done, to the action of its step; at the step's first frame also to the policy's outputs.
 FN void act_back(const World& w, const Steps& b, long long frame, int env) {
     const bool last = (frame + 1) % STEP_FRAMES == 0, first = frame % STEP_FRAMES == 0;
     const long long i = frame / STEP_FRAMES * w.n + env;
@@ -98,7 +99,7 @@ FN void act_back(const World& w, const Steps& b, long long frame, int env) {
     if (!first) return;
     for (int k = 0; k < ACTIONS; k++) {
         const double drawn = b.drawn[i * ACTIONS + k];
-        // At a bound what leads outside ends.
+        // At a bound, the gradient that points outside is cut.
         const double g = fabs(drawn) > 1 && by_action[k] * drawn < 0 ? 0 : by_action[k];
         b.by_said[i * b.outputs + k] = (float)g;
         b.by_spread[i * ACTIONS + k] = (float)(g * (drawn - b.means[i * ACTIONS + k]));
@@ -106,7 +107,7 @@ FN void act_back(const World& w, const Steps& b, long long frame, int env) {
     for (int k = ACTIONS; k < b.outputs; k++) b.by_said[i * b.outputs + k] = 0;
 }
 
-// Takes a step out of an environment that has no slopes; begins its next episode.
+// Excludes the steps of an environment without gradients; begins its next episode.
 FN void leave(const World& w, const Steps& b, int t, int env) {
     if (!b.without[env]) return;
     const long long i = (long long)t * w.n + env;

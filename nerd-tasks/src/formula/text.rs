@@ -6,7 +6,7 @@ use nerd_sim::system::System;
 
 use super::sweep::{Ends, sweep};
 use super::tape::{Given, Leaf, Node, Tape, Traced};
-use super::{Formulas, number::Function, sight::Recorded};
+use super::{Formulas, formulas::bounded, number::Function, sight::Recorded};
 use crate::Task;
 
 impl std::fmt::Display for Given {
@@ -21,7 +21,7 @@ impl std::fmt::Display for Given {
 }
 
 impl Function {
-    /// What stands before, between and after its numbers; of one number nothing is between.
+    /// Text before, between and after the operands; with one operand nothing is between.
     fn words(self) -> [&'static str; 3] {
         match self {
             Self::Add => ["", " + ", ""],
@@ -48,7 +48,7 @@ fn place(link: usize, [x, y, z]: [f64; 3], axis: usize) -> String {
 }
 
 impl Tape {
-    /// The lines, and whether they ask for links or distances.
+    /// The lines, and whether they use kinematics or distances.
     fn lines(&self) -> (String, bool) {
         let (mut text, mut asks) = (String::new(), false);
         let list = |k: usize| self.lists.borrow()[k].iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
@@ -97,7 +97,7 @@ impl Tape {
     }
 }
 
-/// Where gradients go: lines of C.
+/// Destinations of gradients: lines of C.
 struct Written<'a> {
     tape: &'a Tape,
     lines: String,
@@ -127,7 +127,7 @@ impl<'a> Ends<Traced<'a>> for Written<'a> {
     }
 }
 
-/// Adds to a tape the way back from what was said; the lines with which it ends.
+/// Appends the adjoint of the results to a tape; returns its last lines.
 fn back(tape: &Tape, said: &[Traced]) -> String {
     let nodes: Vec<Node> = tape.nodes.borrow().iter().map(|(node, _)| *node).collect();
     let lists = tape.lists.borrow().clone();
@@ -137,12 +137,13 @@ fn back(tape: &Tape, said: &[Traced]) -> String {
     ends.lines
 }
 
-/// A task's formulas as functions of C: `task_observe`, `task_act`, `task_reward`, `task_over` and, with levels, `task_miss`, each with a word before it that tells
-/// whether it asks for links or distances. With `slopes` also `task_observe_back`, `task_act_back` and `task_reward_back`, which add to
-/// gradients by the state, in its tangent space, by action and by torques what comes of those `by` what was said.
+/// A task's formulas as C functions: `task_observe`, `task_act`, `task_reward`, `task_over` and, with levels, `task_miss`, each preceded by
+/// a constant that says whether it uses kinematics or distances. With `slopes` also `task_observe_back`, `task_act_back` and
+/// `task_reward_back`: vector-Jacobian products with upstream gradients `by`, which add to gradients with respect to the state, in its
+/// tangent space, to action and to torques.
 ///
 /// # Errors
-/// Where a formula speaks of a number, a link or a point that there is not.
+/// If a formula refers to a number, a link or a point that does not exist.
 pub fn written(task: &impl Formulas, system: &System, slopes: bool) -> Result<String, String> {
     let (about, goals, joints) = (Formulas::about(task), Task::goal_dim(task), system.robot.joint_count());
     let mut functions = String::new();
@@ -187,11 +188,11 @@ pub fn written(task: &impl Formulas, system: &System, slopes: bool) -> Result<St
         given(&torques)
     })?;
     function("reward", (", const double* torques", "out", Some(", double* by_torques")), &|sight| {
-        let torques: Vec<_> = (0..joints).map(|k| sight.tape.leaf(Leaf::Torque(k), f64::NAN)).collect();
+        let torques = bounded(task, system, (0..joints).map(|k| sight.tape.leaf(Leaf::Torque(k), f64::NAN)));
         given(&[task.reward(sight, &torques)])
     })?;
     function("over", ("", "out", None), &|sight| given(&[task.over(sight)]))?;
-    // What levels go by.
+    // Levels depend on the error.
     if Task::levels(task).is_some() {
         function("miss", ("", "out", None), &|sight| given(&[task.miss(sight).unwrap_or(Traced::Number(f64::INFINITY))]))?;
     }

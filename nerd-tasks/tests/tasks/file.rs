@@ -1,4 +1,4 @@
-//! Tasks from files: what they say beside what Rust said before them, what is refused, and that no text brings one down.
+//! Tasks from files: results equal to the former Rust versions, refusals, and no text that crashes the reader.
 
 use nerd_sim::prelude::*;
 use nerd_tasks::{FileTask, Task, View, Work, named};
@@ -23,8 +23,8 @@ fn said(task: &dyn Task, work: &mut Work, scene: &Scene, k: usize) -> [Vec<f64>;
     [seen, torques, judged]
 }
 
-/// Sums of observations, of torques, and of reward, miss and end over [`STATES`] states, as the tasks gave them while they were
-/// written in Rust. The files gave the very same numbers beside them.
+/// Sums of observations, of torques, and of reward, error and end over [`STATES`] states, from the former Rust versions of the tasks. The
+/// files gave exactly the same numbers.
 const IN_RUST: [(&str, [f64; 3]); 9] = [
     ("cartpole-swingup", [11.294364767008492, 2591.9722545670847, 3752.4535172325836]),
     ("franka-reach", [318.00063502467793, 15.38650322112247, 3656.832115863449]),
@@ -53,7 +53,7 @@ fn files_say_what_rust_said() {
     }
 }
 
-/// What is refused, with key and column.
+/// Refused texts, with key and column.
 #[test]
 fn what_is_wrong_with_a_file_is_said_with_its_place() {
     let text = |change: (&str, &str)| {
@@ -73,7 +73,7 @@ fn what_is_wrong_with_a_file_is_said_with_its_place() {
         (("ahead = ", "mass = "), "command.mass: there is a word `mass`; choose another name"),
         (("bent = ", "spare = \"uq\"\nbent = "), "let.spare, column 1: no word `uq`"),
         (("0.1 m/s", "10 cm/s"), "allowed is \"10 cm/s\": `cm` is no SI unit (m, rad, s, kg, N); write \"0.1 m/s\""),
-        (("frames = 4", "frames = 0"), "task `my.toml`: frames is 0; at least 1 is needed"),
+        (("frames = 4", "frames = 0"), "task `my.toml`: frames is 0; a number from 1 to 1000 is needed"),
         (("0.005", "\"1/50\""), "frame_time: a number of seconds is needed, without quotes"),
         (("0.005", "5.0"), "task `my.toml`: frame_time is 5 s; a number from 1e-6 to 1"),
         (("observation = ", "# "), "task `my.toml`: missing field `observation`"),
@@ -117,7 +117,30 @@ fn what_is_wrong_with_a_file_is_said_with_its_place() {
     assert_eq!(nerd_tasks::parts("a@b/my.toml"), ("a@b/my.toml", None));
 }
 
-/// A scan goes by where the robot heads, however it leans; on flat ground it is flat.
+/// Whatever the key: no number is beyond every run.
+#[test]
+fn every_number_of_a_file_has_bounds() {
+    let whole = "steps = 500\nframes = 4\nsubsteps = 1\nframe_time = 0.005\nactions = 12\nlevels = 4\nallowed = 0.1\nobservation = [\"q\"]\n\
+                 reward = \"1\"\nmiss = \"1\"\n[command]\nahead = \"U(-1, 1)\"\n[terrain]\nkind = \"rubble\"\nheight = 0.1\ncell = 0.1\n";
+    let read = |text: &str| FileTask::new("my.toml", text, Some("anymal")).err().map_or_else(String::new, |e| e.to_string());
+    assert_eq!(read(whole), "");
+    let mut wrong = Vec::new();
+    for line in
+        whole.lines().filter(|line| line.contains(|c: char| c.is_ascii_digit()) && !line.contains("q\"") && !line.starts_with(['r', 'm']))
+    {
+        let (key, _) = line.split_once(" = ").expect("a key");
+        for odd in ["1000000000", "9223372036854775807", "-1", "1e300", "-1e300", "inf", "nan"] {
+            let value = if key == "ahead" { format!("\"U(-1e300, {odd})\"") } else { odd.into() };
+            let said = read(&whole.replace(line, &format!("{key} = {value}")));
+            if !said.contains(key) || said.lines().count() != 1 {
+                wrong.push(format!("{key} = {value}: `{said}`"));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// A scan follows the root's heading, whatever its tilt; on flat ground it is flat.
 #[test]
 fn a_scan_looks_ahead() {
     let text = |terrain: &str| {
@@ -163,7 +186,7 @@ fn no_text_brings_a_task_down() {
         read += usize::from(FileTask::new("mutant", &text, Some("ant")).is_ok());
     }
     assert!(read > 30 && read < 270, "{read} of 300 were read");
-    // What no parser bears.
+    // Texts too deep for any parser.
     for deep in [
         "(".repeat(1500),
         "-".repeat(1500),
@@ -175,6 +198,18 @@ fn no_text_brings_a_task_down() {
         let text = whole.replace("max(0, 0.3", &format!("max(0, {deep} + 0.3"));
         assert!(FileTask::new("deep", &text, Some("ant")).is_err(), "{deep}");
     }
+    // Chains of names too deep: 16 deep in each of 400.
+    let chain = |names: usize, each: usize| {
+        let name = |k| format!("a{k} = \"{}a{}{}\"\n", "exp(".repeat(each), k + 1, ")".repeat(each));
+        let lets: String = (0..names).map(name).collect();
+        let text = format!("steps = 5\nobservation = [\"q\"]\nreward = \"a0\"\n[let]\n{lets}a{names} = \"sum(q)\"\n");
+        FileTask::new("chain", &text, Some("cartpole")).err().map_or_else(String::new, |e| e.to_string())
+    };
+    for (names, each) in [(400, 16), (100_000, 0), (5000, 30)] {
+        let said = chain(names, each);
+        assert!(said.contains("go more than 600 deep into each other") && said.lines().count() == 1, "{names} names: {said}");
+    }
+    assert_eq!(chain(40, 6), "");
     let twice = (0..40).map(|k| format!("a{} = \"[a{k}, a{k}]\"\n", k + 1)).collect::<String>();
     let text = whole.replace("[let]", &format!("[let]\na0 = \"q\"\n{twice}")).replace("max(0, 0.3", "max(0, sum(a40) + 0.3");
     let said = FileTask::new("twice", &text, Some("ant")).err().map(|e| e.to_string()).unwrap_or_default();

@@ -1,4 +1,4 @@
-//! The kernels of tasks against the tasks themselves, without a device: their text is compiled as C++ and run on the CPU.
+//! The kernels of tasks against the tasks on the CPU, without a GPU: their text is compiled as C++ and run on the CPU.
 
 use nerd_sim::articulated::{along, device::Reach};
 use nerd_sim::rig::LATEST;
@@ -12,7 +12,8 @@ use crate::{every, recorded, some};
 
 const N: usize = 64;
 const SEED: u64 = 9;
-/// Number of the first environment, and of those that the solver cannot go on with, that have gone too far, and whose time is over.
+/// Number of the first environment; then environments in which the solver fails, in which a coordinate is too large, and whose time is
+/// over.
 const FIRST: usize = 5;
 const FAILS: usize = 3;
 const FAR: usize = 4;
@@ -37,7 +38,7 @@ fn under_way(task: &str, system: &Arc<System>) -> (Episodes, Vec<f64>) {
     let mut episodes = Episodes::part(task, Simulation { batch, solver: Box::new(Still) }, SEED, FIRST);
     episodes.climb();
     if let Some((at, levels)) = episodes.task.levels() {
-        // On all levels; some have missed little so far, some much.
+        // On all levels, some with small and some with large errors so far.
         let mut kept = episodes.snapshot();
         for (env, goal) in kept.goals.chunks_exact_mut(episodes.task.goal_dim()).enumerate() {
             (goal[at], goal[at + 1]) = ((1 + env % levels) as f64 / levels as f64, if env % 2 == 0 { 1.0 } else { 1e6 });
@@ -66,8 +67,8 @@ fn under_way(task: &str, system: &Arc<System>) -> (Episodes, Vec<f64>) {
     (episodes, actions)
 }
 
-/// What a step of kernels made: rewards, rows of two observations, those of which time ran out, states and goals; how each episode ended,
-/// its frames, how many have begun, and how many failed.
+/// Results of a step of kernels: rewards, rows of two observations, rows of truncated episodes, states and goals; how each episode ended,
+/// its frames, the numbers of begun and of failed episodes.
 struct Made {
     rewards: Vec<f64>,
     rows: Vec<f64>,
@@ -81,8 +82,8 @@ struct Made {
     reached: Vec<f64>,
 }
 
-/// A step in which nothing moves, and what is planted fails in every frame: of the world's memory, planted faults, actions, rows; what comes of it,
-/// and the key of what is drawn.
+/// A step without motion, with faults in every frame. Arguments: the world's memory, faults, actions, rows; results; the key of the random
+/// draws.
 const LAUNCHES: &str = "
     const unsigned long long* key = b[20];
     const World w = {b[0], b[1], b[2], b[3], b[4], b[5], nullptr, b[6], b[7], b[8], {key[0], key[1], key[2], key[3]}, key[4], b[9], N, LEVELS > 0,
@@ -95,7 +96,7 @@ const LAUNCHES: &str = "
     for (blockIdx.x = 0; blockIdx.x < N; blockIdx.x++) task_judge(&w, b[13], b[14], b[15], b[16], 2, b[17], b[18], b[19]);
 ";
 
-/// The task's kernels on what `episodes` are now.
+/// The task's kernels on the present state of `episodes`.
 fn run(compiler: &Compiler, text: &str, episodes: &Episodes, actions: &[f64], rows: &[f64]) -> Made {
     let (batch, kept) = (&episodes.simulation.batch, episodes.snapshot());
     let (d, joints, row) = (batch.system.robot.state_dim(), batch.system.robot.joint_count(), 2 * episodes.task.observation_dim());
@@ -114,7 +115,7 @@ fn run(compiler: &Compiler, text: &str, episodes: &Episodes, actions: &[f64], ro
     let made = compiler.launch(text, &format!("const int N = {N};{LAUNCHES}"), &buffers);
     let [states, goals, rows, cut, rewards, reached] = [0, 1, 14, 15, 17, 19].map(|k| doubles(&made[k]));
     let [frames, begun] = [7, 8].map(|k| made[k].as_chunks().0.iter().map(|b| u64::from_le_bytes(*b)).collect());
-    // The second count is of one that cannot be begun.
+    // The second count is for an episode that cannot be begun.
     let failed = u32::from_le_bytes(made[9][..4].try_into().expect("four bytes"));
     Made { rewards, rows, cut, states, goals, ends: made[18].clone(), frames, begun, failed, reached }
 }

@@ -17,7 +17,7 @@ use nerd_tasks::{Episodes, named, names};
 /// With a clock and a reward of several terms.
 const GAIT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/tasks/gait.toml@anymal");
 
-/// Built-in tasks, two of those for any robot, one of which remembers its actions, and one of the tests' own.
+/// Built-in tasks, two tasks for any robot, one of which remembers its actions, and one of the tests' own.
 fn every() -> Vec<&'static str> {
     names().into_iter().chain(["walk@anymal", "reach@franka", GAIT]).collect()
 }
@@ -50,7 +50,7 @@ fn some(n: usize, seed: usize, size: f64) -> Vec<f64> {
     (0..n).map(|k| size * (1.7 * (k + 31 * seed) as f64 + 0.3).sin()).collect()
 }
 
-/// Largest difference as a share of the largest expected number; what is not a number is the worst.
+/// Largest difference relative to the largest expected number; NaN counts as the worst.
 fn apart(found: &[f64], expected: &[f64]) -> f64 {
     assert_eq!(found.len(), expected.len());
     let largest = expected.iter().fold(1e-6, |most: f64, x| most.max(x.abs()));
@@ -60,7 +60,7 @@ fn apart(found: &[f64], expected: &[f64]) -> f64 {
 
 /// Every environment's scene and robot as kernels have them.
 fn recorded(batch: &Batch) -> Vec<f64> {
-    // Of scenes that are not shared each has a record.
+    // Scenes that are not shared have a record each.
     let scenes = batch.scenes.iter().map(|scene| Arc::new((**scene).clone())).collect();
     records(&Batch { scenes, ..batch.clone() }, Reach::of(batch)).expect("scenes with kernels").0
 }

@@ -1,4 +1,4 @@
-//! Slopes of every task that is written in formulas: on the CPU against central differences, in kernels against the CPU.
+//! Gradients of every task that is written in formulas: on the CPU against central differences, in kernels against the CPU.
 
 use nerd_core::tangent::moved;
 use nerd_sim::{articulated::device::Reach, prelude::*};
@@ -14,7 +14,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// Where a task is looked at.
+/// State, goal, action and torques at which a task is evaluated.
 struct Place {
     state: Vec<f64>,
     goal: Vec<f64>,
@@ -23,7 +23,7 @@ struct Place {
     by: [Vec<f64>; 3],
 }
 
-/// Slopes by the state of observation, act and reward, by action and by torques.
+/// Gradients with respect to the state of observation, act and reward, then with respect to action and torques.
 fn slopes(task: &dyn Task, scene: &Scene, work: &mut Work, at: &Place) -> [Vec<f64>; 5] {
     let (robot, slopes) = (work.system.robot.clone(), task.slopes().expect("formulas"));
     let [seen, tau, reward] = &at.by;
@@ -36,13 +36,13 @@ fn slopes(task: &dyn Task, scene: &Scene, work: &mut Work, at: &Place) -> [Vec<f
     found
 }
 
-/// The same products by central differences. The law of ANYmal looks ahead with mass matrix and bias that count as constant, so what it makes
-/// of the state is left out.
+/// The same products by central differences. ANYmal's position law uses a predicted state, with mass matrix and bias held constant, so its
+/// gradient with respect to the state is left out.
 fn differences(task: &dyn Task, scene: &Scene, work: &mut Work, at: &Place, held: bool) -> [Vec<f64>; 5] {
     let robot = work.system.robot.clone();
     let Place { state, goal, action, torques, by: [seen, tau, reward] } = at;
     let (d, joints, h) = (2 * robot.nv(), torques.len(), 1e-6);
-    // Torques are tens of N m, of which a task may count little: a change of one is seen beside the rounding of its reward.
+    // Torques are tens of N m, and a reward may depend on them weakly: the step must be visible beside the reward's rounding.
     let beside = 1e-4;
     let mut said = |state: &[f64], action: &[f64], torques: &[f64]| {
         let (view, mut out, mut acts) = (View { state, goal, scene }, vec![0.0; seen.len()], vec![0.0; joints]);
@@ -70,7 +70,7 @@ fn differences(task: &dyn Task, scene: &Scene, work: &mut Work, at: &Place, held
     [slope(d, 0, h, &by_state), acts, slope(d, 2, h, &by_state), by_action, by_torques]
 }
 
-/// Asks for what no task is rewarded for: distances and places at once, in roots, quotients and choices.
+/// A task that uses everything other tasks do not: distances and positions at once, in roots, quotients and choices.
 struct Near;
 
 impl Formulas for Near {
@@ -98,8 +98,8 @@ fn one_and<N: Number>(x: N) -> N {
     N::from(1.0) + x.squared()
 }
 
-/// By environment slopes of observation, act (and by action) and reward (and by torques): of states, goals, actions, torques, gradients by
-/// observations, by torques and by rewards, and the scene.
+/// By environment, gradients of observation, act (also with respect to action) and reward (also to torques). Arguments: states, goals,
+/// actions, torques, upstream gradients of observations, torques and rewards, and the scene.
 const LAUNCHES: &str = "
     for (int i = 0; i < N; i++) {
         Work work;

@@ -1,5 +1,5 @@
-//! The kernels of the way back through a policy's steps against the task's slopes, without a device: their text is compiled as C++ and run on
-//! the CPU.
+//! The adjoint kernels through a policy's steps against the task's gradients, without a GPU: their text is compiled as C++ and run on the
+//! CPU.
 
 use nerd_sim::{articulated::device::Reach, prelude::*};
 use nerd_tasks::{Trace, View, Work, named};
@@ -9,10 +9,10 @@ use crate::{actions, apart, episodes, every, recorded, some};
 
 const N: usize = 8;
 const HORIZON: usize = 3;
-/// Rows of which more is asked for: after the last step, and where time ran out.
+/// Value rows: after the last step, and where time ran out.
 const ROWS: usize = 2 * N;
 const SCALE: f64 = 0.25;
-/// Without slopes, and what the solver could not go on with in the last step.
+/// An environment without gradients, and one whose solver fails in the last step.
 const BREAKS: usize = 3;
 const LOST: usize = 4;
 
@@ -60,7 +60,7 @@ fn given(width: usize, a: usize, joints: usize, frames: usize) -> Given {
     }
 }
 
-/// Slopes by the first states, gradients by means and by logarithms of the spread.
+/// Gradients with respect to the first states, to means and to logarithms of the standard deviation.
 type Found = (Vec<f64>, Vec<f64>, Vec<f64>);
 
 /// The same on the CPU.
@@ -117,7 +117,7 @@ fn on_cpu(task: &dyn nerd_tasks::Task, scene: &Scene, work: &mut Work, trace: &T
     (by_first, by_mean, by_spread)
 }
 
-/// The way back through all steps, in which a solver leaves slopes as they are.
+/// The adjoint through all steps, for a solver that passes gradients through unchanged.
 const LAUNCHES: &str = "
 #define EVERY for (blockIdx.x = 0; blockIdx.x < N; blockIdx.x++)
     World w = {};
@@ -170,7 +170,7 @@ fn steps_are_gone_back_over_in_kernels_as_on_the_cpu() {
         assert!(said.chunks(a + 1).all(|row| row[a] == 0.0), "{name}: gradients by values");
         let broken: Vec<usize> = (0..N).filter(|env| without[*env] != [0; 4]).collect();
         assert_eq!(broken, [BREAKS], "{name}: environments without slopes");
-        // What is left of the broken one is nothing; its slope is not asked for.
+        // The failed environment contributes nothing; its gradient is not compared.
         let steps =
             |x: &[f64]| x.chunks(a).enumerate().filter(|(i, _)| i % N == BREAKS).flat_map(|(_, row)| row.to_vec()).collect::<Vec<_>>();
         assert!(steps(&mean).iter().chain(&steps(&spread)).all(|x| *x == 0.0), "{name}: it still teaches");

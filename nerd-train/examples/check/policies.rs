@@ -35,7 +35,14 @@ impl Side {
 
     fn roll(&mut self, policy: &Policy, config: &PpoConfig, number: usize) -> Outcome<(Rollout, Taken)> {
         let noise = StreamKey { seed: 7, number: (number * HORIZON) as u64 };
-        let taken = self.engine.roll(Stage { episodes: &mut self.episodes, running: &mut self.running, policy, config, noise })?;
+        let taken = self.engine.roll(Stage {
+            episodes: &mut self.episodes,
+            running: &mut self.running,
+            policy,
+            config,
+            noise,
+            stop: Default::default(),
+        })?;
         Ok((self.engine.rollout()?, taken))
     }
 

@@ -51,13 +51,27 @@ fn iteration(task: &str, arena: &Arena, on_card: bool) -> Outcome<Found> {
     let first = policy.flat.clone();
     let (gradient, earned, parts, critic) = if on_card {
         let mut card = CudaShac::new(shac, &policy, &config)?;
-        card.roll(Stage { episodes: &mut episodes, running: &mut running, policy: &policy, config: &config, noise })?;
+        card.roll(Stage {
+            episodes: &mut episodes,
+            running: &mut running,
+            policy: &policy,
+            config: &config,
+            noise,
+            stop: Default::default(),
+        })?;
         let found = (card.shac.gradient.clone(), card.shac.earned);
         card.update(&mut policy, &mut adam, &config, orders)?;
         let parts = card.spent().len();
         (found.0, found.1, parts, critics(&mut card)?)
     } else {
-        shac.roll(Stage { episodes: &mut episodes, running: &mut running, policy: &policy, config: &config, noise })?;
+        shac.roll(Stage {
+            episodes: &mut episodes,
+            running: &mut running,
+            policy: &policy,
+            config: &config,
+            noise,
+            stop: Default::default(),
+        })?;
         let found = (shac.gradient.clone(), shac.earned);
         shac.update(&mut policy, &mut adam, &config, orders)?;
         (found.0, found.1, 0, critics(&mut shac)?)

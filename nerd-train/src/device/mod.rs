@@ -79,7 +79,7 @@ impl Device {
         Ok(nerd_model::BurnDevice::flex())
     }
 
-    /// A network on this device, for so many environments.
+    /// A network on this device, for `envs` environments.
     pub fn network(self, weights: &Weights, envs: usize) -> Result<Box<dyn Stream>> {
         self.check()?;
         match self {
@@ -99,12 +99,12 @@ impl Device {
         }
     }
 
-    /// The model of a folder as a solver of `system` for so many environments; one of `truth`, if that is named.
+    /// Loads a folder's model as a solver of `system` for `envs` environments; the model must have learned `truth`, if given.
     pub fn neural(self, folder: &Path, system: &Arc<System>, truth: Option<&str>, envs: usize) -> Result<Box<dyn Solver>> {
         self.solver(Model::load(folder, system, truth)?, system, envs)
     }
 
-    /// A model as a solver of `system` for so many environments: whole frames are computed on a GPU where they can be, or else the network.
+    /// A model as a solver of `system` for `envs` environments: whole frames are computed on a GPU where they can be, or else the network.
     pub fn solver(self, model: Model, system: &Arc<System>, envs: usize) -> Result<Box<dyn Solver>> {
         #[cfg(feature = "cuda")]
         if self.is_cuda() {

@@ -18,7 +18,7 @@ pub struct Held {
 }
 
 impl Held {
-    /// Within `size` (rad or m) of the default pose, for so many starts and frames.
+    /// Draws targets within `size` (rad or m) of the default pose, for `starts` starts of `frames` frames each.
     pub(super) fn new(system: &System, size: f64, [starts, frames]: [usize; 2], seed: u64) -> Self {
         let mut rest = specified(system);
         if rest.is_empty() {
@@ -31,7 +31,7 @@ impl Held {
         Self { rest, every, targets }
     }
 
-    /// Drives of a number of environments, which take those of the starts in turn.
+    /// Drives of `environments` environments, which take the starts' drives in turn.
     pub fn drives(&self, target: usize, environments: usize) -> Vec<Drive> {
         let of =
             |own: &Vec<f64>| self.rest.iter().zip(own).map(|(drive, x)| Drive { target: drive.target + x, ..*drive }).collect::<Vec<_>>();

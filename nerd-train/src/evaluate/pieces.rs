@@ -47,7 +47,7 @@ impl Pieces {
         Ok(Self { system: system.clone(), systems: begun.systems, scenes: begun.scenes, before, states, torques })
     }
 
-    /// The same, of which a solver is shown the last frames alone: so many, at most all that it is shown.
+    /// The same pieces, with the solver's history cut to its last `before` frames (at most all of them).
     pub fn seen(&self, before: usize) -> Self {
         let skip = self.before.saturating_sub(before);
         let (states, torques) = (self.states[skip..].to_vec(), self.torques[skip..].to_vec());

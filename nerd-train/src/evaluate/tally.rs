@@ -93,7 +93,7 @@ impl Tally {
         Ok(())
     }
 
-    /// Adds a step of a rollout, its states those of the truth, the solver and the start; whether it is still there.
+    /// Adds a step of a rollout, from the states of the truth, of the solver and of the start; whether the rollout goes on.
     fn add(&mut self, env: usize, step: usize, [real, learned, first]: [&[f64]; 3]) -> bool {
         let row = env * self.width..(env + 1) * self.width;
         if self.gone[env].is_none() {
@@ -113,7 +113,7 @@ impl Tally {
         self.gone[env].is_none()
     }
 
-    /// What it comes to after so many steps.
+    /// The report after `steps` steps.
     pub(super) fn report(self, steps: usize) -> PassiveReport {
         let of = |sums: &[f64], k: usize| sums.iter().skip(k).step_by(self.width).copied().collect::<Vec<f64>>();
         let mean = |sums: &[f64], k: usize| of(sums, k).iter().sum::<f64>() / (self.n * steps) as f64;

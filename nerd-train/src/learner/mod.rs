@@ -128,7 +128,7 @@ pub trait Learner {
     }
     /// Loss and gradient norm averaged over the updates since the last call; waits for the device.
     fn progress(&mut self) -> Result<Progress, LearnError>;
-    /// Normalised MSE of the averaged weights over `windows` validation windows, those of [`validation_rows`].
+    /// Normalised MSE of the averaged weights over `windows` validation windows, drawn by [`validation_rows`].
     fn validate(&mut self, windows: usize) -> Result<f32, LearnError>;
     /// A copy of everything a continued run needs; waits for the device.
     fn state(&mut self) -> Result<LearnerState, LearnError>;

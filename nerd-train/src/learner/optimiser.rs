@@ -73,7 +73,7 @@ pub(crate) struct Optimiser {
     pub config: LearnerConfig,
     pub state: LearnerState,
     beta: [f64; 2],
-    /// Of losses and norms, over so many updates.
+    /// Sums of losses and of gradient norms, and the number of updates summed.
     sums: (f64, f64, u32),
 }
 

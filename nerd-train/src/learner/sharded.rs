@@ -1,7 +1,7 @@
 //! An update on the CPU, in shards.
 //!
 //! An update cuts its batch in shards. Each shard computes `sum (y - y*)^2 / (batch tokens outputs)` or its
-//! bent form, so the shards' losses and gradients add up to those of the mean over the batch. Shards keep all cores busy, and a small
+//! bent form, so the shards' losses and gradients add up to the batch mean's. Shards keep all cores busy, and a small
 //! shard's activations stay in the cache. Their gradients are added in shard order, so the result does not depend on the number of
 //! threads.
 
@@ -103,7 +103,9 @@ impl<P: Pass> Sharded<P> {
             }
         };
         let mut done = std::thread::scope(|scope| -> Result<Vec<(usize, T)>, LearnError> {
-            let others: Vec<_> = (1..self.threads.min(shards.len())).map(|_| scope.spawn(thread)).collect();
+            // Where no more threads can be had, those that there are do it all.
+            let other = |_| std::thread::Builder::new().spawn_scoped(scope, thread).ok();
+            let others: Vec<_> = (1..self.threads.min(shards.len())).map_while(other).collect();
             let mut done = thread()?;
             for other in others {
                 done.extend(other.join().map_err(|_| LearnError::Device("a worker thread panicked".into()))??);

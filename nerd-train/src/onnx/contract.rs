@@ -4,7 +4,7 @@ use super::terms::{Action, Law, Seen};
 use super::{law::actions, quantity::observation};
 use crate::{ppo::Policy, prelude::*};
 
-/// The contract, as JSON. World axes are the robot's file's; SI units; quaternions x y z w; the root's position and velocity are those of
+/// The contract, as JSON. World axes are the robot's file's; SI units; quaternions x y z w; the root's position and velocity are taken at
 /// its origin.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -23,7 +23,7 @@ pub struct Contract {
     pub output: String,
     /// The robot's name.
     pub robot: String,
-    /// SHA-256 of what its motion depends on ([`System::robot_sha256`]).
+    /// SHA-256 of everything in the robot that its motion depends on ([`System::robot_sha256`]).
     pub robot_sha256: String,
     /// The scene that it was trained in.
     pub scene: String,

@@ -60,8 +60,9 @@ pub(super) fn actions(task: &dyn Task, system: &Arc<System>) -> Result<(Law, Vec
                 torque: law.clamp.then(|| spec.gain.unwrap_or(spec.torque)),
                 effort: finite(joint.effort),
             };
+            let servo = law.servo && task.controlled();
             let action = joints.iter().zip(system.joint_specs()).map(action).collect();
-            Ok((Law::Position { relative: law.relative, ahead: law.ahead }, action))
+            Ok((Law::Position { relative: law.relative, ahead: law.ahead && !servo, servo }, action))
         }
         _ => Ok((Law::Own, vec![Action::default(); n])),
     }

@@ -17,6 +17,7 @@ mod terms;
 mod wire;
 
 use nerd_model::program::Activation;
+use nerd_sim::files::{has_keys, replaceable};
 
 use crate::{ppo::Policy, prelude::*};
 use wire::Message;
@@ -72,7 +73,7 @@ impl Graph {
     }
 }
 
-/// Name of what a policy takes in, and the sizes behind its rows.
+/// Name of a policy's input, and its dimensions after the batch.
 fn input(policy: &Policy) -> (&'static str, Vec<usize>) {
     let (depth, width) = (policy.shape.stack, policy.shape.observation);
     if depth == 1 { ("observation", vec![width]) } else { ("observations", vec![depth, width]) }
@@ -134,10 +135,13 @@ pub fn model(policy: &Policy) -> Vec<u8> {
     graph.node("Clip", &[&x, "minus most", "most"], "action", None);
     graph.0.bytes(2, "policy");
     let ([operators, format], mut model) = (versions(shape.activation), Message::default());
-    model.number(1, format).bytes(2, "nerd-train").bytes(3, env!("CARGO_PKG_VERSION")).bytes(7, graph.0.0);
+    model.number(1, format).bytes(2, PRODUCER).bytes(3, env!("CARGO_PKG_VERSION")).bytes(7, graph.0.0);
     model.message(8, |set| _ = set.bytes(1, "").number(2, operators));
     model.0
 }
+
+/// As the file has it.
+const PRODUCER: &str = "nerd-train";
 
 /// Writes the model, and its contract beside it: the same name with the ending `json`.
 ///
@@ -148,6 +152,10 @@ pub fn export(policy: &Policy, task: &dyn Task, out: &Path) -> Result<Contract> 
     if beside == out {
         refuse!("--out {}: the contract will be there; name the model otherwise, as policy.onnx", out.display());
     }
+    // Its producer comes first.
+    replaceable(out, |bytes| bytes.windows(PRODUCER.len()).take(100).any(|at| at == PRODUCER.as_bytes()))
+        .and_then(|()| replaceable(&beside, |_| has_keys(&beside, &["onnx_sha256", "policy_sha256"])))
+        .map_err(|e| Error::Refused(format!("--out: {e}")))?;
     let bytes = model(policy);
     let contract = Contract::of(policy, task, &bytes, input(policy).0, versions(policy.shape.activation)[0])?;
     let text = serde_json::to_string_pretty(&contract).map_err(Error::file(&beside))?;

@@ -32,8 +32,11 @@ pub enum Law {
         /// included) and bias b, `(M + h kd + h^2 kp) qdd = kp (target - q - h qd) - kd qd - b`,
         /// `tau = kp (target - q - h qd - h^2 qdd) - kd (qd + h qdd)`. A law that is computed at 1 kHz or more needs no such thing.
         ahead: bool,
+        /// Whether the law goes on acting inside the frame with the target that it began with, as a motor's own loop at 1 kHz or more does.
+        #[serde(default)]
+        servo: bool,
     },
-    /// The task's own, of none of these forms.
+    /// The task's own term, in a form not listed here.
     Own,
 }
 

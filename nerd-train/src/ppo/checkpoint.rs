@@ -41,10 +41,15 @@ impl Trainer {
         file.save(path)
     }
 
+    /// What the run is known by, as JSON.
+    pub(super) fn whole(&self, run: &str) -> String {
+        whole(&self.config, run, self.seed)
+    }
+
     /// Goes on where the file's run was. What `run` was at [`Self::save`] must be the same now.
     ///
     /// # Errors
-    /// If the file is no checkpoint, or that of another run; then nothing has changed but, at worst, the episodes.
+    /// If the file is no checkpoint, or a checkpoint of another run; then nothing has changed but, at worst, the episodes.
     pub fn resume(&mut self, path: &Path, run: &str) -> Result<()> {
         let file = Tensors::open(path)?;
         let counts = file.u64("counts", Some(3))?;
@@ -55,8 +60,7 @@ impl Trainer {
         }
         // Any other may be made longer.
         let config = PpoConfig { iterations: self.config.iterations, ..config };
-        let whole = |config, run: &str, seed| serde_json::json!({ "run": run, "seed": seed, "settings": config }).to_string();
-        let (found, asked) = (whole(&config, file.word("run")?, counts[2]), whole(&self.config, run, self.seed));
+        let (found, asked) = (whole(&config, file.word("run")?, counts[2]), self.whole(run));
         if found != asked {
             let what = changed(file.word("run")?, run).map_or_else(|| between(&found, &asked), Into::into);
             return Err(file.wrong(format!("it is that of another run: {what}")));
@@ -91,6 +95,11 @@ impl Trainer {
         self.state = state;
         Ok(())
     }
+}
+
+/// All that decides what a run comes to.
+fn whole(config: &PpoConfig, run: &str, seed: u64) -> String {
+    serde_json::json!({ "run": run, "seed": seed, "settings": config }).to_string()
 }
 
 /// What changed between runs that differ by a hash alone: of the task, `task HASH of ..`, or of the robot, the last word.

@@ -16,11 +16,13 @@ pub struct Stage<'a> {
     pub config: &'a PpoConfig,
     /// Of the first step; each later one has the next stream.
     pub noise: StreamKey,
+    /// When it is broken off.
+    pub stop: Stop,
 }
 
 /// One rollout after the other, each with its update.
 pub trait Engine: Send {
-    /// What the update after the next rollout needs beside it may be made from here on; `orders` is that of [`Engine::update`].
+    /// What the update after the next rollout needs beside it may be made from here on; `orders` is the key given to [`Engine::update`].
     fn ahead(&mut self, _config: &PpoConfig, _orders: StreamKey) {}
 
     /// Steps every environment through a horizon.
@@ -61,11 +63,12 @@ pub(super) fn endings(result: &StepResult) -> impl Iterator<Item = u8> {
 /// [`Turns::finish`].
 pub trait Turns {
     /// [`Engine::roll`].
-    fn turns(&mut self, Stage { episodes, running, policy, config, noise }: Stage) -> Result<Taken> {
+    fn turns(&mut self, Stage { episodes, running, policy, config, noise, stop }: Stage) -> Result<Taken> {
         let (mut taken, mut actions, mut reached) = (Taken::default(), Vec::new(), Vec::new());
         let (mut rewards, mut ends) = (Vec::new(), Vec::new());
         self.begin(policy)?;
         for t in 0..config.horizon {
+            stop.check()?;
             let noise = StreamKey { number: noise.number + t as u64, ..noise };
             self.act(&running.stack.rows, noise, &mut actions)?;
             let (result, ended) = running.step(episodes, &actions, &mut reached)?;

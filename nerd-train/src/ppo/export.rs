@@ -12,9 +12,7 @@ pub fn export(out: &Path, solver: &str, identity: &str, trainer: &Trainer) -> Re
     let task = &*trainer.episodes.task;
     let spent = Session::all(out)?.last().map(|s| s.spent.clone()).unwrap_or_default();
     let mut about = vec![("spent", spent), ("learned in", identity.into())];
-    if folder::own(task).is_some() {
-        about.push((folder::ROBOT, task.system()?.sha256()));
-    }
+    about.extend([(folder::ROBOT, task.system()?.sha256()), (folder::TEXT, folder::text_hash(task))]);
     let Batch { system, systems, .. } = &trainer.episodes.simulation.batch;
     about.extend(system.spec.vary.as_ref().filter(|_| !systems.is_empty()).map(|vary| ("robots differ by", vary.title())));
     let (provenance, table) = rows(out, trainer.seed, about)?;
@@ -49,7 +47,7 @@ fn card(config: &PolicyConfig, parameters: usize, table: &str) -> String {
 /// iterations.
 fn write_curve(out: &Path, folder: &Path) -> Result<()> {
     let metrics = out.join("metrics.jsonl");
-    let lines = std::fs::read_to_string(&metrics).map_err(Error::file(&metrics))?;
+    let lines = nerd_sim::files::read_record(&metrics).map_err(Error::file(&metrics))?;
     let lines: Vec<Iteration> = lines.lines().map(serde_json::from_str).collect::<Result<_, _>>().map_err(Error::file(&metrics))?;
     let every = lines.len().div_ceil(POINTS).max(1);
     let (mut text, mut seconds) = (String::from("steps,seconds,reward,length\n"), 0.0);

@@ -9,8 +9,10 @@ use nerd_model::transformer::TensorSpec;
 
 use super::*;
 
-/// In its provenance, of a task from a file: [`System::sha256`] of its robot.
+/// In its provenance: [`System::sha256`] of its robot, SHA-256 of its task's text, and [`Policy::sha256`].
 pub(super) const ROBOT: &str = "robot";
+pub(super) const TEXT: &str = "task sha256";
+const WEIGHTS: &str = "weights sha256";
 pub(super) const TASK: &str = "task.toml";
 
 /// What was learned, where, how; `config.json`.
@@ -34,7 +36,7 @@ pub struct PolicyConfig {
     pub provenance: BTreeMap<String, String>,
 }
 
-/// Writes the folder, each file whole or not at all.
+/// Writes the folder, each file whole or not at all, with the hash of the weights in its provenance.
 pub fn save(folder: &Path, config: &PolicyConfig, policy: &Policy, card: &str) -> Result<()> {
     let mut file = Tensors::default();
     put(&mut file, "", policy);
@@ -42,7 +44,9 @@ pub fn save(folder: &Path, config: &PolicyConfig, policy: &Policy, card: &str) -
         let path = folder.join(name);
         nerd_sim::files::write(&path, text.as_bytes()).map_err(Error::file(&path))
     };
-    let json = serde_json::to_string_pretty(config).map_err(Error::file(&folder.join("config.json")))?;
+    let mut config = config.clone();
+    config.provenance.insert(WEIGHTS.into(), policy.sha256());
+    let json = serde_json::to_string_pretty(&config).map_err(Error::file(&folder.join("config.json")))?;
     write("README.md", card.into())?;
     file.put_word("task", &config.task);
     file.save(&folder.join("policy.safetensors"))?;
@@ -53,12 +57,12 @@ pub fn save(folder: &Path, config: &PolicyConfig, policy: &Policy, card: &str) -
 /// Reads the folder of a policy of a built-in task.
 pub fn load(folder: &Path) -> Result<(PolicyConfig, Policy)> {
     let (path, mut config) = config(folder)?;
-    let own = folder.join(TASK);
-    let (mut task, robot) = nerd_tasks::parts(&config.task);
+    let (kept, learned) = (folder.join(TASK), config.task.clone());
+    let (mut task, robot) = nerd_tasks::parts(&learned);
     let mut robot = robot.map(String::from);
-    if own.exists() {
+    if kept.exists() {
         // As it was when the policy learned.
-        task = own.to_str().unwrap_or(task);
+        task = kept.to_str().unwrap_or(task);
     }
     // From another folder than that of its training: what the robot's path is from one above the policy's.
     if let Some(file) = robot.as_mut().filter(|file| file.contains('.') && !Path::new(file).exists()) {
@@ -73,16 +77,25 @@ pub fn load(folder: &Path) -> Result<(PolicyConfig, Policy)> {
     }
     config.task = task.to_string() + &robot.map_or_else(String::new, |robot| format!("@{robot}"));
     let task = named(&config.task).map_err(Error::file(&path))?;
-    if let Some(sha256) = config.provenance.get(ROBOT)
-        && *sha256 != task.system()?.sha256()
-    {
-        let text = format!(
+    let differs = |key: &str, now: String| config.provenance.get(key).is_some_and(|then| *then != now);
+    let robot = differs(ROBOT, task.system()?.sha256());
+    let whose = own(&*task).is_some();
+    let changed = match (robot, differs(TEXT, text_hash(&*task)), whose) {
+        (true, _, true) => format!(
             "the file of robot `{}`, or what the task says of robots (frame_time, substeps, rotors, [terrain]), changed since the policy learned; train again",
             task.robot()
-        );
-        return Err(Error::file(&path)(text));
-    }
-    read(folder, config, &*task)
+        ),
+        (_, true, true) => format!("{TASK} is not the text that the policy learned with; take the folder as it was, or train again"),
+        (false, false, _) => return read(folder, config, &*task, &learned),
+        // What comes with the project is made better now and then.
+        (robot, ..) => {
+            let what = if robot { format!("robot `{}`", task.robot()) } else { format!("task `{}`", task.name()) };
+            let found = read(folder, config, &*task, &learned)?;
+            tell!("note: {}: {what} of this project is another than when the policy learned", folder.display());
+            return Ok(found);
+        }
+    };
+    Err(Error::file(&path)(changed))
 }
 
 /// What the task of a policy's folder was called when it learned: its name, or of one from a file as [`nerd_tasks::word`] has it.
@@ -98,22 +111,29 @@ pub(super) fn own(task: &dyn Task) -> Option<&str> {
 
 /// A task by content: its name, and of one from a file the text in place of where it is.
 pub fn identity(task: &dyn Task) -> String {
-    let Some(text) = own(task) else { return task.name().into() };
-    let hash: String = Sha256::digest(text).iter().take(8).map(|b| format!("{b:02x}")).collect();
-    format!("task {hash} of {}", nerd_tasks::word(task.robot()))
+    if own(task).is_none() {
+        return task.name().into();
+    }
+    format!("task {} of {}", &text_hash(task)[..16], nerd_tasks::word(task.robot()))
+}
+
+/// SHA-256 of a task's text, or of its name where it has none.
+pub(super) fn text_hash(task: &dyn Task) -> String {
+    Sha256::digest(task.text().unwrap_or(task.name())).iter().map(|b| format!("{b:02x}")).collect()
 }
 
 /// Reads the folder of a policy of this task, built-in or not.
 pub fn load_for(folder: &Path, task: &dyn Task) -> Result<(PolicyConfig, Policy)> {
     let (path, config) = config(folder)?;
     let same = match own(task) {
-        Some(text) => std::fs::read_to_string(folder.join(TASK)).is_ok_and(|kept| kept == text),
+        Some(text) => nerd_sim::files::read_text(&folder.join(TASK)).is_ok_and(|kept| kept == text),
         None => config.task == task.name(),
     };
     if !same {
         return Err(Error::file(&path)(format!("a policy of task `{}`, not of `{}`", config.task, task.name())));
     }
-    read(folder, config, task)
+    let learned = config.task.clone();
+    read(folder, config, task, &learned)
 }
 
 fn config(folder: &Path) -> Result<(PathBuf, PolicyConfig)> {
@@ -129,10 +149,27 @@ fn config(folder: &Path) -> Result<(PathBuf, PolicyConfig)> {
     Ok((path, config))
 }
 
-fn read(folder: &Path, config: PolicyConfig, task: &dyn Task) -> Result<(PolicyConfig, Policy)> {
+/// `learned` is what the task was called when it did.
+fn read(folder: &Path, config: PolicyConfig, task: &dyn Task, learned: &str) -> Result<(PolicyConfig, Policy)> {
     check(&config, task).map_err(Error::file(&folder.join("config.json")))?;
     let file = Tensors::open(&folder.join("policy.safetensors"))?;
+    // Where the task's file is may have changed since, its name did not.
+    let of = file.word("task")?;
+    let name = |task: &str| nerd_tasks::word(nerd_tasks::parts(task).0);
+    if name(of) != name(learned) {
+        return Err(file.wrong(format!("it is of task `{of}`, and config.json of `{learned}`; take the folder as it was, whole")));
+    }
     let policy = get(&file, "", config.shape.clone())?;
+    match config.provenance.get(WEIGHTS) {
+        Some(sha256) if *sha256 != policy.sha256() => {
+            return Err(file
+                .wrong("its weights are not those that config.json has the hash of (SHA-256 differs); take the folder as it was, whole"));
+        }
+        None if !folder.starts_with(crate::shipped::models()) => {
+            tell!("note: {}: an older policy, without the hash of its weights: whether they are its own is not known", folder.display());
+        }
+        _ => {}
+    }
     Ok((config, policy))
 }
 

@@ -5,7 +5,7 @@
 //! A_t = delta_t + gamma lambda A_{t+1} [not ended]
 //! ```
 //!
-//! `V(s_{t+1})` is that of the state reached, also where the episode was cut off by time and another one began (time-out
+//! `V(s_{t+1})` is the value of the state reached, also where the episode was cut off by time and another one began (time-out
 //! bootstrapping); only a terminal state has none.
 
 use super::PpoConfig;
@@ -16,7 +16,7 @@ pub const TERMINATED: u8 = 1;
 pub const TRUNCATED: u8 = 2;
 
 /// Advantages `[step][env]`; returns are these plus the values. `values` are of the states acted in, and of the `last` ones, those reached by
-/// the last step; `cut` those of the states reached where time ran out, in their order.
+/// the last step; `cut` the values of the states reached where time ran out, in their order.
 pub(super) fn advantages((rewards, ends): (&[f64], &[u8]), (values, last, cut): (&[f64], &[f64], &[f64]), config: &PpoConfig) -> Vec<f64> {
     let (n, mut cut, PpoConfig { gamma, lambda, .. }) = (last.len(), cut.iter().rev(), config);
     let mut out = vec![0.0; rewards.len()];
@@ -43,7 +43,7 @@ mod tests {
         let came = (&[1.0, 2.0, 3.0, 4.0][..], &[0, TRUNCATED, TERMINATED, 0][..]);
         let config = PpoConfig { gamma: 0.5, lambda: 0.5, ..PpoConfig::default() };
         let found = advantages(came, (&[10.0, 20.0, 30.0, 40.0], &[50.0], &[25.0]), &config);
-        // delta: 1 + 10 - 10, 2 + 12.5 - 20 (the value reached, not that of the next start), 3 - 30, 4 + 25 - 40.
+        // delta: 1 + 10 - 10, 2 + 12.5 - 20 (the value of the state reached, not of the next start), 3 - 30, 4 + 25 - 40.
         assert_eq!(found, [1.0 + 0.25 * -5.5, -5.5, -27.0, -11.0]);
     }
 }

@@ -30,23 +30,37 @@ pub(super) struct Past<'a> {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Terms {
     /// Of the policy.
-    #[serde(rename = "actor_loss")]
+    #[serde(rename = "actor_loss", deserialize_with = "figure")]
     pub actor: f64,
     /// Squared error of the normalised value.
-    #[serde(rename = "critic_loss")]
+    #[serde(rename = "critic_loss", deserialize_with = "figure")]
     pub critic: f64,
     /// Of mean actions out of bounds, without its weight.
-    #[serde(rename = "bounds_loss")]
+    #[serde(rename = "bounds_loss", deserialize_with = "figure")]
     pub bounds: f64,
     /// Entropy of the policy (nats).
+    #[serde(deserialize_with = "figure")]
     pub entropy: f64,
     /// Divergence `KL(new, old)` from the policy that was compared with: that of a pass.
+    #[serde(deserialize_with = "figure")]
     pub kl: f64,
     /// Steps whose ratio was clipped.
+    #[serde(deserialize_with = "figure")]
     pub clipped: f64,
 }
 
+/// JSON has no number that is not finite, and writes null.
+pub(super) fn figure<'de, D: serde::Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(from)?.unwrap_or(f64::NAN))
+}
+
 impl Terms {
+    /// Its numbers by name.
+    pub(super) fn named(&self) -> [(&'static str, f64); 6] {
+        let Self { actor, critic, bounds, entropy, kl, clipped } = *self;
+        [("actor_loss", actor), ("critic_loss", critic), ("bounds_loss", bounds), ("entropy", entropy), ("kl", kl), ("clipped", clipped)]
+    }
+
     pub(super) fn of([actor, critic, bounds, entropy, kl, clipped]: [f64; 6]) -> Self {
         Self { actor, critic, bounds, entropy, kl, clipped }
     }

@@ -1,6 +1,6 @@
 //! Proximal policy optimisation (Schulman et al. 2017) as the paper's policies were trained: rl_games' continuous actor and
 //! critic, with running normalisation of observations and returns, generalised advantages, clipped ratio (and value, if asked
-//! for: see [`PpoConfig::value_clip`]), a learning rate that follows the divergence, and values in place of what time-outs cut off.
+//! for: see [`PpoConfig::value_clip`]), a learning rate that follows the divergence, and value bootstrapping at time-outs.
 //!
 //! Unlike there, moments of observations move after an update, not before it, so that its first ratio is 1. The shipped policies
 //! were trained in the order of rl_games.

@@ -81,7 +81,7 @@ impl Shape {
 pub struct Policy {
     /// Its shape.
     pub shape: Shape,
-    /// Parameters, those of [`Shape::program`].
+    /// Parameters, in the order of [`Shape::program`].
     pub flat: Vec<f32>,
     /// Moments of (stacked) observations.
     pub seen: RunningMoments,

@@ -9,7 +9,8 @@ use super::export::export;
 use super::*;
 use crate::bounds;
 use crate::progress::{bar_from, notes};
-use crate::records::{Record, Session, claimed};
+use crate::records::{Record, Session, claimed, ours};
+use crate::stop::{PATIENCE, heed};
 
 /// Two checkpoints are at least this far apart.
 const SAVE: Duration = Duration::from_secs(60);
@@ -25,7 +26,7 @@ pub struct PolicyRun {
     pub config: PpoConfig,
     /// Seed of weights, noise and starts.
     pub seed: u64,
-    /// Stops, with a checkpoint, after so many minutes.
+    /// Stops, with a checkpoint, after this many minutes.
     pub minutes: Option<f64>,
     /// Folder of the run.
     pub out: PathBuf,
@@ -60,22 +61,24 @@ impl PolicyRun {
         let (started, out) = (Instant::now(), &self.out);
         let task = named(&self.task)?;
         self.config.check().map_err(Error::Refused)?;
-        memory(&*task, &self.config)?;
         let (system, solver) = (task.system()?, self.arena.title()?);
+        bearable(&*task, &system, &self.config)?;
         let title = format!("{} on {solver}", self.task);
         // What a checkpoint is known by: a model is its weights, wherever they are.
         let identity = format!("{} on {}", folder::identity(&*task), self.arena.identity(&system)?);
         let mut trainer = self.arena.trainer(task, self.config.clone(), self.seed)?;
         begun(&trainer.episodes)?;
         notes(&system);
+        ours(out)?;
         let _claim = claimed(out)?;
         if out.join(LAST).exists() {
             let other = |e| Error::Refused(format!("{} holds another run; choose another --out: {e}", out.display()));
             trainer.resume(&out.join(LAST), &identity).map_err(other)?;
             tell!("going on at iteration {} of {}", trainer.state.iteration, trainer.config.iterations);
         }
-        let first = trainer.state.iteration;
-        let spent = self.iterate(&mut trainer, &title, &identity, started)?;
+        let (first, _heed) = (trainer.state.iteration, heed());
+        trainer.stop = Stop::after(started, self.minutes);
+        let spent = self.iterate(&mut trainer, &title, &identity)?;
         let (_, reward) = trainer.best();
         let (policy, iterations, elapsed) = (out.join("policy"), trainer.state.iteration, started.elapsed());
         let fault = trainer.episodes.fault.clone();
@@ -89,19 +92,36 @@ impl PolicyRun {
         Ok(done)
     }
 
-    /// Iterations until all are done or time is over; ends with a checkpoint.
-    fn iterate(&self, trainer: &mut Trainer, title: &str, identity: &str, started: Instant) -> Result<Spent> {
+    /// Iterations until all are done or time is over; ends with a checkpoint, which leaves out an interrupted iteration.
+    fn iterate(&self, trainer: &mut Trainer, title: &str, identity: &str) -> Result<Spent> {
         let (checkpoint, mut saved) = (self.out.join(LAST), Instant::now());
         // What its first step refuses leaves no file.
         let mut metrics = None;
         let (mut spent, steps) = (Spent::default(), trainer.config.steps());
         let [done, all] = [trainer.state.iteration, trainer.config.iterations].map(|n| n * steps as u64);
         let bar = bar_from(&format!("steps of {title}"), done, all);
+        let mut last = (trainer.state.iteration, Duration::ZERO);
         while trainer.state.iteration < trainer.config.iterations {
-            let line = trainer.iterate()?;
+            if trainer.state.iteration > last.0 && (saved.elapsed() > SAVE || last.1 > PATIENCE) {
+                trainer.save(&checkpoint, identity)?;
+                (saved, last.0) = (Instant::now(), trainer.state.iteration);
+            }
+            let begun = Instant::now();
+            let line = match trainer.iterate() {
+                Err(Error::Stopped) if trainer.state.iteration > 0 => return Ok(spent),
+                Err(Error::Stopped) => refuse!(
+                    "stopped in the first iteration, of {steps} steps, before anything was learned; give it more time, or ask for fewer --envs or a shorter --horizon"
+                ),
+                other => other?,
+            };
+            last.1 = begun.elapsed();
             match &mut metrics {
                 Some(record) => record,
-                None => metrics.insert(Record::metrics(&self.out, line.step - 1)?),
+                None => {
+                    let (path, what) = (self.out.join("run.json"), trainer.whole(identity));
+                    nerd_sim::files::write(&path, (what + "\n").as_bytes()).map_err(Error::file(&path))?;
+                    metrics.insert(Record::metrics(&self.out, line.step - 1)?)
+                }
             }
             .write(&line)?;
             spent.add(&line, steps, trainer.engine.spent());
@@ -109,12 +129,8 @@ impl PolicyRun {
                 bar.say(&format!("iteration {}: mean reward {reward:.1} over {length:.0} steps", line.step));
             }
             bar.set(line.frames);
-            if self.minutes.is_some_and(|m| started.elapsed().as_secs_f64() > 60.0 * m) {
+            if trainer.stop.due() {
                 break;
-            }
-            if saved.elapsed() > SAVE {
-                trainer.save(&checkpoint, identity)?;
-                saved = Instant::now();
             }
         }
         trainer.save(&checkpoint, identity)?;
@@ -172,10 +188,12 @@ fn begun(episodes: &Episodes) -> Result<()> {
 
 const LAST: &str = "last.safetensors";
 
-/// Refuses a run whose steps of one iteration do not fit in memory.
-fn memory(task: &dyn Task, config: &PpoConfig) -> Result<()> {
+/// Refuses a run whose steps of one iteration do not fit in memory, or take longer than a day.
+fn bearable(task: &dyn Task, system: &System, config: &PpoConfig) -> Result<()> {
     let seen = task.observation_dim() * config.stack;
     // Observations, and as inputs; actions, means and spreads, twice; rewards, values, advantages and the like.
     let a_step = 12 * seen + 24 * task.action_dim() + 100;
-    bounds::memory(&[("`environments`", config.environments), ("`horizon`", config.horizon)], a_step)
+    let of = [("`environments`", config.environments), ("`horizon`", config.horizon)];
+    bounds::memory(&of, a_step)?;
+    bounds::time(&[&of[..], &[("the task's `frames`", task.frames() as usize), ("substeps", system.spec.substeps)]].concat())
 }

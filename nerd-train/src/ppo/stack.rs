@@ -26,7 +26,7 @@ impl Stack {
         stack
     }
 
-    /// Takes in a step: the rows as they were `reached` by some environments go to `out`, then those of episodes that `ended` restart
+    /// Takes in a step: the rows as they were `reached` by some environments go to `out`, then the rows of `ended` episodes restart
     /// with `fresh`.
     pub fn push(&mut self, reached: &[f64], some: &[usize], ended: impl Fn(usize) -> bool + Sync, fresh: &[f64], out: &mut Vec<f64>) {
         let (width, all) = (self.width, self.width * self.depth);

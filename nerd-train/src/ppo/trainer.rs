@@ -15,7 +15,7 @@ pub struct Iteration {
     pub reward: Option<f64>,
     /// Their mean length (steps).
     pub length: Option<f64>,
-    /// Means a step of what the reward is made of; empty where steps are made on a GPU.
+    /// Mean of each reward term per step; empty where steps run on a GPU.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub terms: BTreeMap<String, f64>,
     /// Episodes that ended in this iteration.
@@ -62,6 +62,9 @@ pub struct Trainer {
     pub state: State,
     /// What its policy answers on and learns.
     pub engine: Box<dyn Engine>,
+    /// When an iteration under way is broken off, with [`Error::Stopped`] (never). Episodes are then somewhere within it: nothing can go on but
+    /// from a checkpoint.
+    pub stop: Stop,
 }
 
 impl Trainer {
@@ -89,18 +92,18 @@ impl Trainer {
         let adam = Adam::new(policy.flat.len(), config.rate);
         let running = Running::new(&episodes, config.stack);
         let state = State { iteration: 0, policy, adam, running, recent: VecDeque::new(), best: None };
-        Ok(Self { episodes, config, seed, state, engine })
+        Ok(Self { episodes, config, seed, state, engine, stop: Stop::default() })
     }
 
     /// One rollout and its update.
     pub fn iterate(&mut self) -> Result<Iteration> {
-        let Self { episodes, config, state, engine, .. } = self;
+        let Self { episodes, config, state, engine, stop, .. } = self;
         let started = Instant::now();
         // Streams of noise, of orders and of weights must not meet: each has a seed of its own.
         let noise = StreamKey { seed: self.seed.wrapping_add(NOISE), number: state.iteration * config.horizon as u64 };
         let orders = StreamKey { seed: self.seed.wrapping_add(ORDERS), number: state.iteration };
         engine.ahead(config, orders);
-        let taken = engine.roll(Stage { episodes, running: &mut state.running, policy: &state.policy, config, noise })?;
+        let taken = engine.roll(Stage { episodes, running: &mut state.running, policy: &state.policy, config, noise, stop: *stop })?;
         let rolled = started.elapsed().as_secs_f64();
         state.recent.extend(taken.ended.iter().map(|episode| (episode.total, episode.length)));
         let most = config.environments.max(100);
@@ -117,6 +120,7 @@ impl Trainer {
         }
         let updated = engine.update(&mut state.policy, &mut state.adam, config, orders)?;
         state.iteration += 1;
+        updated.check().map_err(|e| Error::Refused(format!("iteration {}: {e}", state.iteration)))?;
         if state.policy.flat.iter().any(|w| !w.is_finite()) {
             refuse!("iteration {}: a weight of the policy is not finite", state.iteration);
         }
@@ -144,6 +148,6 @@ impl Trainer {
     }
 }
 
-/// Added to the seed, which is that of the weights.
+/// Added to the seed; the seed itself draws the weights.
 const NOISE: u64 = 0x6e6f_6973_6500_0000;
 const ORDERS: u64 = 0x6f72_6465_7200_0000;

@@ -1,12 +1,12 @@
 //! Passes over one rollout: minibatches, gradients, Adam, and the learning rate that follows the divergence.
 //!
-//! Moments of returns are updated first, those of observations last: a ratio compares two outputs for the same inputs, so the
+//! Moments of returns are updated first, moments of observations last: a ratio compares two outputs for the same inputs, so the
 //! first of an update is 1. After every minibatch its steps are compared with the policy just computed, as in the reference,
-//! so that the divergence is that of one pass, not of all.
+//! so that the divergence measures one pass, not all of them.
 
 use std::sync::MutexGuard;
 
-use super::loss::{Past, divergence, step};
+use super::loss::{Past, divergence, figure, step};
 use super::policy::ROWS;
 use super::*;
 use crate::learner::optimiser::{self, norm};
@@ -50,7 +50,19 @@ pub struct Updated {
     #[serde(flatten)]
     pub terms: Terms,
     /// Norm of the gradient before clipping.
+    #[serde(deserialize_with = "figure")]
     pub gradient_norm: f64,
+}
+
+impl Updated {
+    /// Refuses figures of a policy that has left all that it knew.
+    pub(super) fn check(&self) -> Result<()> {
+        let figures = self.terms.named().into_iter().chain([("gradient_norm", self.gradient_norm)]);
+        match figures.into_iter().find(|(_, x)| !x.is_finite()) {
+            Some((name, x)) => refuse!("{name} is {x}, the policy has diverged: take a smaller `rate`, and another --out"),
+            None => Ok(()),
+        }
+    }
 }
 
 /// All passes over one rollout; see [`super::Engine::update`].

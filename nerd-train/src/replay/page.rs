@@ -23,8 +23,8 @@ pub struct Replay {
     pub up: [f64; 3],
     /// Normals and offsets of the scene's planes.
     pub planes: Vec<([f64; 3], f64)>,
-    /// The ground, if it is not flat.
-    pub ground: Option<Ground>,
+    /// Ground that is not flat.
+    pub grounds: Vec<Ground>,
     /// Shapes of links and scene.
     pub shapes: Vec<Solid>,
     /// Motions: the first is solid, the others are ghosts.
@@ -46,11 +46,13 @@ pub struct Track {
     pub poses: Vec<Vec<[f32; 7]>>,
 }
 
-/// A grid of heights that repeats, `[x][y]`, over its origin along its axes (x, y, up), both in the world.
+/// A grid of heights, `[x][y]`, over its origin along its axes (x, y, up), both in the world.
 #[derive(Clone, Debug, Serialize)]
 pub struct Ground {
-    /// From node to node (m).
-    pub cell: f64,
+    /// From node to node along x and y (m).
+    pub cell: [f64; 2],
+    /// Whether it goes on behind its last nodes with its first ones.
+    pub repeats: bool,
     /// Along x and y.
     pub nodes: [usize; 2],
     /// Heights of nodes (m).
@@ -62,13 +64,16 @@ pub struct Ground {
 }
 
 impl Ground {
-    fn of(scene: &Scene) -> Option<Self> {
-        let (body, field) = scene.terrain()?;
+    fn of(body: &Collider) -> Option<Self> {
+        let field = body.field.as_ref()?;
         let (nodes, cell) = field.grid();
-        let node = |k: usize| rounded(field.at((k / nodes[1]) as f64 * cell, (k % nodes[1]) as f64 * cell).0);
+        // The first node of one that ends is at its corner.
+        let first = [0, 1].map(|k| if field.repeats() { 0.0 } else { -0.5 * (nodes[k] - 1) as f64 * cell[k] });
+        let node = |k: usize| rounded(field.at(first[0] + (k / nodes[1]) as f64 * cell[0], first[1] + (k % nodes[1]) as f64 * cell[1]).0);
         let axes = [0, 1, 2].map(|k| (body.pose.rotation * nalgebra::Vector3::ith(k, 1.0)).into());
         let heights = (0..nodes[0] * nodes[1]).map(node).collect();
-        Some(Self { cell, nodes, heights, origin: body.pose.translation.vector.into(), axes })
+        let origin = (body.pose * nalgebra::Point3::new(first[0], first[1], 0.0)).into();
+        Some(Self { cell, repeats: field.repeats(), nodes, heights, origin, axes })
     }
 }
 
@@ -82,7 +87,7 @@ impl Replay {
             dt,
             up: up.into(),
             planes: scene.colliders.iter().filter_map(|c| c.plane).map(|p| (p.normal.into(), p.offset)).collect(),
-            ground: Ground::of(scene),
+            grounds: scene.colliders.iter().filter_map(Ground::of).collect(),
             shapes: solids(system).into_iter().chain(scene.colliders.iter().filter_map(standing)).collect(),
             ..Self::default()
         }

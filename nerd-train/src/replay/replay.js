@@ -158,17 +158,18 @@ const replay = (() => {
           }
       }
       // Of ground that is not flat, the lines between its nodes.
-      if (data.ground) {
-        const { cell, nodes: [n, m], heights, origin, axes: [a, b, c] } = data.ground, reach = Math.min(30, Math.ceil(4 / cell));
-        const [i0, j0] = [a, b].map(axis => Math.round(dot(sub(target, origin), axis) / cell)), around = (k, n) => ((k % n) + n) % n;
-        const node = (i, j) => {
-          const high = heights[around(i0 + i, n) * m + around(j0 + j, m)];
-          return add(origin, add(add(times(a, (i0 + i) * cell), times(b, (j0 + j) * cell)), times(c, high)));
-        };
-        for (let k = -reach; k <= reach; k++)
-          for (let j = -reach; j < reach; j++) {
-            stroke(node(k, j), node(k, j + 1));
-            stroke(node(j, k), node(j + 1, k));
+      for (const { cell, repeats, nodes, heights, origin, axes: [a, b, c] } of data.grounds) {
+        const around = (k, n) => ((k % n) + n) % n, high = (i, j) => heights[around(i, nodes[0]) * nodes[1] + around(j, nodes[1])];
+        const node = (i, j) => add(origin, add(add(times(a, i * cell[0]), times(b, j * cell[1])), times(c, high(i, j))));
+        // From and to which nodes.
+        const [[i0, i1], [j0, j1]] = [a, b].map((axis, k) => {
+          const reach = Math.min(30, Math.ceil(4 / cell[k])), middle = Math.round(dot(sub(target, origin), axis) / cell[k]);
+          return repeats ? [middle - reach, middle + reach] : [Math.max(0, middle - reach), Math.min(nodes[k] - 1, middle + reach)];
+        });
+        for (let i = i0; i <= i1; i++)
+          for (let j = j0; j <= j1; j++) {
+            if (j < j1) stroke(node(i, j), node(i, j + 1));
+            if (i < i1) stroke(node(i, j), node(i + 1, j));
           }
       }
       context.stroke();

@@ -126,7 +126,7 @@ fn bones(system: &System, seen: &[Solid]) -> Vec<Solid> {
     bare.flat_map(of).collect()
 }
 
-/// Colour of a link (degrees): those of neighbours are far apart.
+/// Hue of a link (degrees); neighbouring links get distant hues.
 fn hue(link: usize) -> f64 {
     (210.0 + 137.5 * link as f64) % 360.0
 }

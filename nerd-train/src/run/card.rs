@@ -147,7 +147,7 @@ fn history(config: &ModelConfig) -> String {
     config.provenance.get("started from").map_or(run.clone(), |before| format!("{run}, which started from {before}"))
 }
 
-/// Writes the model folder `OUT/model` with a card made of what the run recorded.
+/// Writes the model folder `OUT/model` with a card made from the run's records.
 pub(super) fn export(plan: &Plan, run: &Identity, normalizer: Normalizer, weights: Weights, chosen: String) -> Result<()> {
     let out = &plan.config.out;
     let mut own = vec![

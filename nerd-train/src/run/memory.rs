@@ -28,7 +28,7 @@ pub(super) fn check(config: &RunConfig, network: &TransformerConfig) -> Result<(
     memory(&[("--rollouts", config.rollouts), ("--history", network.history)], 4 * (kept + network.inputs))
 }
 
-/// The same of rollouts through so many frames: every thread keeps all activations of those it passes.
+/// The same for rollouts of `frames` frames: every thread keeps the activations of all frames.
 pub(super) fn unrolled(network: &TransformerConfig, frames: usize) -> Result<()> {
     let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
     let row = 10 * network.layers * network.embedding + 2 * (network.embedding + network.inputs + network.outputs);

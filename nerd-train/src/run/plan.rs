@@ -7,6 +7,7 @@ use nerd_sim::{dataset::Manifest, log::specified, vary};
 use super::*;
 use crate::progress;
 use crate::schedule::Schedule;
+use crate::stop::PATIENCE;
 
 /// Fewest tokens of a training sequence, if not said: short ones have few tokens with a whole past.
 const SEQUENCE: usize = 32;
@@ -70,6 +71,7 @@ impl Plan {
             recording.transitions = recording.transitions.next_multiple_of(recording.frames * recording.shard_trajectories);
         }
         recording.check(&system)?;
+        recording.until = Stop::after(Instant::now() + PATIENCE, config.minutes).0;
         let sequence = config.unrolled().unwrap_or(1).max(sequence);
         if config.data.is_none() && sequence > config.record.frames {
             refuse!("--frames {}: no sequence of {sequence} tokens fits in", config.record.frames);
@@ -210,7 +212,7 @@ impl RunConfig {
         }
     }
 
-    /// Whether rollouts choose its weights: where a chain is taught single frames, they say little of what it has learned.
+    /// Whether rollouts choose its weights: where a chain learns single frames, rollouts say little of its progress.
     pub(super) fn rolls(&self) -> bool {
         self.rollouts > 0 && self.unrolled() != Some(1)
     }
@@ -235,7 +237,7 @@ impl RunConfig {
     }
 }
 
-/// The model that a run starts from. It may have learned another truth: most of what it knows holds in this one, too.
+/// The model that a run starts from. It may have learned another truth, since most of that carries over.
 fn parent(folder: &Path, system: &System, network: TransformerConfig, form: Form) -> Result<Model> {
     let mut parent = Model::load(&shipped::find(folder), system, None)?;
     if network.positions == Positions::Rotary {

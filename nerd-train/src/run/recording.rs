@@ -43,7 +43,7 @@ impl RecordConfig {
         self.truth.unwrap_or(system.spec.truth)
     }
 
-    /// What the simulator is asked for, for so many transitions or up to a trajectory more; reads the policies.
+    /// The simulator's settings for `transitions` transitions, or up to a trajectory more; reads the policies.
     pub fn of(&self, system: &System, transitions: usize) -> Result<GenerateConfig> {
         if let Err(reason) = self.truth(system).check(&system.robot, system.spec.self_collision) {
             refuse!("--truth: {reason}");
@@ -98,7 +98,7 @@ impl RecordConfig {
         Ok(format!("in {} % of the trajectories: {}", (1e4 * self.policy_share).round() / 100.0, names.join(", ")))
     }
 
-    /// Records so many transitions into a folder, shards that are there already kept.
+    /// Records `transitions` transitions into a folder; keeps shards that exist.
     pub fn write(&self, system: &Arc<System>, transitions: usize, folder: &Path) -> Result<Manifest> {
         let robot = &system.robot;
         // A shard is recorded, turned into bytes and written: three times its numbers.

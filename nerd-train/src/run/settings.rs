@@ -1,7 +1,7 @@
 //! One run's settings. The defaults are the paper's network and training at a tenth of its updates.
 
 use super::*;
-use crate::bounds::{BATCH, EMBEDDING, LAYERS, STARTS, TRANSITIONS, UPDATES};
+use crate::bounds::{BATCH, EMBEDDING, LAYERS, MINUTES, STARTS, TRANSITIONS, UPDATES};
 
 settings! {
     /// One run of training. Files and command lines say it with these keys (`torque-scale` for `torque_scale`).
@@ -52,7 +52,7 @@ settings! {
         /// Windows in an update
         batch: usize = 512, Whole(BATCH);
         /// Learning rate of the first update
-        rate: f64 = 1e-3, Positive;
+        rate: f64 = 1e-3, Positive(10.0);
         /// Learning rate the linear decay ends at
         last_rate: f64 = 1e-4, Number(0.0..=10.0);
         /// Updates over which the rate rises from zero (the paper: 0)
@@ -60,7 +60,7 @@ settings! {
         /// What updates the hidden matrices: adam (the paper) or muon
         optimizer: Optimizer = Optimizer::Adam, Words(&["adam", "muon"]);
         /// Error, in standard deviations of a target, at which the pseudo-Huber loss turns from quadratic to linear (the paper: quadratic)
-        huber: Option<f32> = None, Positive;
+        huber: Option<f32> = None, Positive(1e9);
         /// Added to the variance of every target before it is scaled; with the paper's value, targets that vary by less than about 3e-3 of
         /// their unit count less [default: the paper's, 1e-5; a run --from a model has its]
         epsilon: Option<f64> = None, Number(1e-30..=1.0);
@@ -75,7 +75,7 @@ settings! {
         /// Starts of the rollout evaluation at each validation; its error picks the best weights. 0: the loss does
         rollouts: usize = 64, Whole(0..=*STARTS.end());
         /// Stop with a checkpoint after this many minutes; the same command continues
-        minutes: Option<f64> = None, Positive;
+        minutes: Option<f64> = None, Positive(MINUTES);
         /// Stop training and export the best weights so far as a model
         finish: bool = false, Flag;
         /// Where to compute: cpu; cuda, on NVIDIA's cards (needs a build with `--features cuda`); wgpu, on any card (`--features wgpu`);

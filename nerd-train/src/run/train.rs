@@ -6,7 +6,7 @@ use super::data::{Cache, Data, Judge};
 use super::engine::engine;
 use super::*;
 use crate::checkpoint::{self, Best};
-use crate::records::Session;
+use crate::records::{Session, ours};
 use crate::supply::{Supply, SupplyConfig};
 use crate::trainer::{Outcome, Trainer};
 
@@ -27,6 +27,7 @@ impl Run {
     pub fn train(&self) -> Result<Option<PathBuf>> {
         let (Self { plan, cache }, started) = (self, Instant::now());
         let (config, out) = (&plan.config, &plan.config.out);
+        ours(out)?;
         let _claim = claimed(out)?;
         let mut identity = Identity::of(plan);
         resume(out, &identity)?;
@@ -110,7 +111,7 @@ impl Run {
     /// Fresh data from update `step` on, if it is asked for.
     fn supply(&self, normalizer: &Normalizer, step: u64) -> Result<Option<Supply>> {
         let plan = &self.plan;
-        let (fresh, data) = (plan.config.fresh, plan.recording.clone());
+        let (fresh, data) = (plan.config.fresh, GenerateConfig { until: None, ..plan.recording.clone() });
         if fresh == 0 {
             return Ok(None);
         }

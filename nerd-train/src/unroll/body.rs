@@ -32,7 +32,7 @@ pub trait Body: Clone + Send + Sync {
     fn level(&self) -> Self::Slope;
     /// The loss of a predicted state and the truth in the k-th frame, k from 1, times `weight`; its gradient is added to `slope`.
     fn loss(&self, pair: [&Self::State; 2], k: usize, weight: f64, slope: &mut Self::Slope) -> f64;
-    /// Adds upstream gradients of so many later frames to its own.
+    /// Adds upstream gradients of `later` later frames to the frame's own.
     fn join(&self, own: &mut Self::Slope, upstream: &Self::Slope, later: usize);
     /// Gradients by the outputs from the `upstream` one by the state after the frame; what comes directly to the state before it is added
     /// to `slope`.
@@ -50,7 +50,7 @@ pub trait Body: Clone + Send + Sync {
     );
     /// Whether a rollout is near enough to the truth to go on from where an update ended, so that a network learns from its own states.
     fn near(&self, state: &Self::State, truth: &Self::State) -> bool;
-    /// What a network misses of the change over single frames, as a share of it; of so many frames, at even distances.
+    /// A network's relative error in the change over single frames, over `frames` evenly spaced frames.
     fn missed(&self, motions: &Motions, network: &Loaded, frames: usize) -> f64;
 }
 
@@ -65,7 +65,7 @@ pub struct Place<V> {
     pub view: V,
 }
 
-/// The factor on upstream gradients of so many later frames, of this norm, beside own ones of norm `own`: they count at most as if each of
+/// The factor on upstream gradients of `later` frames, of this norm, beside own gradients of norm `own`: they count at most as if each of
 /// them were as large as its own. Where something strikes, a frame stretches what comes into it, and without that one rollout of hundreds
 /// would decide an update.
 pub fn join(own: f64, upstream: f64, later: usize) -> f64 {

@@ -37,7 +37,7 @@ impl<B: Body> Course<B> {
         Ok(())
     }
 
-    /// The draws of so many rollouts of an update.
+    /// The draws of `rows` rollouts of an update.
     pub(super) fn draws(&self, seed: u64, step: u64, rows: usize) -> Vec<Draw<B::View>> {
         let (mut rng, train) = (stream(seed, step), &self.train);
         // All numbers are drawn, whatever becomes of them, so that one rollout's fate moves no other.

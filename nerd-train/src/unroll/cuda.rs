@@ -26,7 +26,7 @@ const KERNELS: [&str; 10] = [
     "unroll_add",
     "unroll_total",
 ];
-/// Torques that are seen: those of the gripper.
+/// Number of torques in the network's input: the gripper's.
 const LED: usize = 6;
 /// Recorded states that are sent at a time.
 const SENT: usize = 1 << 16;

@@ -74,7 +74,7 @@ impl<B: Body> Unroll<'_, B> {
         Kept { before, looks, outputs, slopes }
     }
 
-    /// Gradients by the rollouts before a frame from the upstream ones of so many later frames; none after the last.
+    /// Gradients by the rollouts' states before a frame, from the upstream gradients of later frames; no upstream after the last.
     fn backward(
         &self,
         kept: &Kept<B>,

@@ -90,7 +90,7 @@ impl Body for Robot {
     fn look(&self, state: &Vec<f64>, (motions, place): (&Motions, &Place<()>), memory: &mut Scratch, tokens: &mut Vec<f32>) -> Looked {
         let (mut events, scene) = (Vec::new(), &motions.scenes[place.motion]);
         if !self.around.system.robot.contact_points.is_empty() {
-            contacts(&self.around.system.robot, scene, state, &mut memory.data, &mut events);
+            contacts(&self.around.system, scene, state, &mut memory.data, &mut events);
         }
         let first = tokens.len();
         tokens.resize(first + self.around.normalizer.inputs.mean.len(), 0.0);

@@ -4,7 +4,7 @@
 struct View { double mirror, sine, cosine, yaw; };
 struct Rollout { double motion, frame, anew; View view; };
 
-// Motions of so many frames: states `[motion][frames + 1]`, torques `[motion][frames]`, scenes.
+// Motions of `frames` frames: states `[motion][frames + 1]`, torques `[motion][frames]`, scenes.
 struct Motions { const double *truths, *torques, *scenes; int frames; };
 
 #define KERNEL extern "C" __global__ void

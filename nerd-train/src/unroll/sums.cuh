@@ -1,4 +1,4 @@
-// Adds a frame's gradient to that of all.
+// Adds a frame's gradient `of_frame` (n) to the sum `all` (n).
 extern "C" __global__ void unroll_add(const float* of_frame, float* all, int n, int first) {
     const int i = blockIdx.x * blockDim.x + threadIdx.x;
     if (i < n) all[i] = (first ? 0.0f : all[i]) + of_frame[i];

@@ -1,4 +1,4 @@
-//! What a model is worth: its errors and its time beside those of its base alone, of a linear map on the same inputs, and of the analytic
+//! Compares a model's errors and time with its base alone, with a linear map on the same inputs, and of the analytic
 //! solver at one substep and at the fewest that err no more; where rapier is the truth, beside its own cheaper settings, too.
 //!
 //! All roll out from equal starts under equal torques, on one core of the CPU, and each one's time and error are of the same steps.
@@ -15,9 +15,9 @@ use crate::evaluate::{Action, PassiveConfig, passive, summary, summary_names};
 use crate::prelude::*;
 use crate::stats::mean;
 
-/// How many times a model's error that of its base alone, and of a linear map, has to be for the network to have earned its place.
+/// The network pays off if the errors of its base alone and of a linear map are at least this many times the model's error.
 pub const WORTH: f64 = 5.0;
-/// Distance of the seed of the linear map's data from that of the starts.
+/// Offset of the seed of the linear map's data from the seed of the starts.
 const ELSEWHERE: u64 = 7_000_003;
 /// Most substeps beside a truth that is not `articulated`.
 const MOST: usize = 64;

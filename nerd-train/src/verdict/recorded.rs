@@ -10,7 +10,7 @@ use crate::measured::Measured;
 use crate::prelude::*;
 use crate::prepare::tokens;
 
-/// Frames of the pieces that the linear map is fitted to, and of whole trajectories at least so many.
+/// Frames of a piece that the linear map is fitted to; the least number of frames of a whole trajectory.
 const FRAMES: usize = 64;
 const ENOUGH: usize = 65_536;
 

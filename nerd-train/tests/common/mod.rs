@@ -70,7 +70,7 @@ pub fn fresh() -> LearnerState {
     LearnerState::new(Weights::init(NETWORK, 3))
 }
 
-/// A small model of random weights, none of it learned, which says little: whatever its base does goes on.
+/// A small untrained model of random weights with small outputs, so that its base's motion prevails.
 pub fn model(system: &Arc<System>, base: Base, positions: Positions) -> Model {
     let (inputs, outputs) = (Features::inputs(system, base), Features::outputs(system));
     let network =

@@ -104,7 +104,7 @@ fn a_rollout_predicts_what_the_training_pass_predicts() {
     }
 }
 
-/// Tokens of a told robot end with what was drawn of it; before that they are those of one that is not told.
+/// Tokens of a model conditioned on parameters end with the drawn parameters; the rest equals the unconditioned tokens.
 #[test]
 fn tokens_end_with_what_was_drawn() {
     let system = System::named("pendulum-family").expect("built in");

@@ -1,4 +1,4 @@
-//! Fresh data is the trajectories that follow those of the start, at updates that the settings alone decide.
+//! Fresh data are the trajectories after the initial ones, added at updates that depend on the settings alone.
 
 use nerd_train::prepare::{generate, normalize};
 

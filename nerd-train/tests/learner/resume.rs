@@ -82,7 +82,7 @@ fn the_hooks_value_chooses_the_best_weights() {
 fn killed_between_checkpoints() {
     let (whole, killed) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let (_, end) = train(whole.path(), fresh(), None);
-    // The hook fails at step 18: the last checkpoint is that of step 14, the record goes on to 18.
+    // The hook fails at step 18: the last checkpoint is of step 14, the record goes on to 18.
     let trainer = Trainer::new(CONFIG, LEARNER.batch, killed.path(), "{\"name\":\"test\"}");
     let mut hook = |_: &mut dyn Learner, step: u64| if step == 18 { Err(Error::Refused("power cut at 18".into())) } else { Ok(None) };
     let error = trainer.run(&mut learner(fresh()), None, &mut hook).unwrap_err();

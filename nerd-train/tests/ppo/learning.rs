@@ -111,7 +111,8 @@ fn the_first_ratio_of_an_update_is_one() {
     let (mut running, mut engine) = (Running::new(&episodes, 1), OnCpu::default());
     for iteration in 0..3 {
         let noise = StreamKey { seed: 7, number: iteration * 16 };
-        let on = Stage { episodes: &mut episodes, running: &mut running, policy: &policy, config: &config, noise };
+        let on =
+            Stage { episodes: &mut episodes, running: &mut running, policy: &policy, config: &config, noise, stop: Default::default() };
         engine.roll(on).expect("steps");
         let before = policy.seen.clone();
         let updated = engine.update(&mut policy, &mut adam, &config, StreamKey { seed: 8, number: iteration }).expect("learns").terms;
@@ -235,4 +236,31 @@ fn each_environment_has_a_robot_of_a_family() {
     let batch = rough.episodes("rough@anymal", 1, 0).expect("episodes").simulation.batch;
     let own = &batch.systems[0];
     assert_eq!((own.frame_time, own.spec.substeps, &*batch.scenes[0].name), (0.005, 1, "terrain"));
+}
+
+#[test]
+fn a_policy_that_diverges_stops_with_a_line_and_its_record_can_be_read() {
+    let wild = "rate = 1\nkl = 0\nepochs = 50\nclip = 1e6\ngradient_norm = 1e9\nspread_by_state = true\nactivation = \"relu\"\n";
+    let usual = "environments = 16\nhorizon = 16\nminibatch = 128\nhidden = [64, 64]\n";
+    let config = PpoConfig::from_text(&format!("{usual}{wild}")).expect("good settings");
+    let mut trainer = Trainer::new(points(16, 30, [1.0, -1.0], |x| -x * x), config, 5).expect("fits");
+    let (mut said, mut lines) = (String::new(), 0);
+    for _ in 0..100 {
+        match trainer.iterate() {
+            Ok(line) => {
+                let text = serde_json::to_string(&line).expect("JSON");
+                assert!(!text.contains("\"kl\":null"), "{text}");
+                lines += 1;
+            }
+            Err(error) => {
+                said = error.to_string();
+                break;
+            }
+        }
+    }
+    assert!(said.contains("the policy has diverged: take a smaller `rate`"), "after {lines} iterations: `{said}`");
+    // A record of an earlier build has null where figures were not finite.
+    let text = serde_json::to_string(&Iteration::default()).expect("JSON").replace("\"kl\":0.0", "\"kl\":null");
+    let line: Iteration = serde_json::from_str(&text).expect("read");
+    assert!(text.contains("null") && line.updated.terms.kl.is_nan(), "{text}");
 }

@@ -19,7 +19,7 @@ fn elsewhere(model: &Model, shape: &Shape, frames: &[f64]) -> Vec<f64> {
     actions.into_iter().map(f64::from).collect()
 }
 
-/// Largest gap between the actions of a policy and those of its model, over steps of four environments that the policy itself takes. Both
+/// Largest gap between the actions of a policy and of its model, over steps of four environments that the policy itself takes. Both
 /// see the same observations, in f32.
 fn apart(policy: &Policy, task: &str, steps: usize) -> f64 {
     let model = Model::load(model(policy)).expect("a model");
@@ -92,7 +92,7 @@ fn written(task: &str, stack: usize) -> Contract {
 fn a_contract_says_what_every_number_is() {
     let anymal = written("anymal-forward", 1);
     assert_eq!(anymal.unknown(), Vec::<String>::new());
-    assert!(anymal.law == Law::Position { relative: false, ahead: true } && (anymal.rate - 60.0).abs() < 1e-9, "{anymal:?}");
+    assert!(anymal.law == Law::Position { relative: false, ahead: true, servo: false } && (anymal.rate - 60.0).abs() < 1e-9, "{anymal:?}");
     let names = |k: usize| (anymal.observation[k].quantity.as_deref().unwrap_or_default(), anymal.observation[k].of.as_str());
     assert_eq!(
         [0, 4, 5, 10].map(names),
@@ -120,7 +120,11 @@ fn a_contract_says_what_every_number_is() {
     assert!(point.unknown().is_empty() && point.observation[30].of == "2 z" && point.action[0].scale == 400.0, "{point:?}");
     let franka = written("franka-reach", 3);
     assert!(franka.unknown().len() == 1 && franka.unknown()[0].contains("observation 7, 8, 9:"), "{:?}", franka.unknown());
-    assert!(franka.law == Law::Position { relative: true, ahead: false } && franka.frames_per_action == 2, "{:?}", franka.law);
+    assert!(
+        franka.law == Law::Position { relative: true, ahead: false, servo: false } && franka.frames_per_action == 2,
+        "{:?}",
+        franka.law
+    );
     assert!(franka.observations_seen == 3 && franka.input == "observations" && franka.action[6].torque == Some(12.0), "{franka:?}");
     assert!(written("lead-tip", 1).law == Law::Own);
     let walk = written("walk@anymal", 1);

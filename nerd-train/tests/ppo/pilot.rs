@@ -15,7 +15,7 @@ fn pulling(pull: f32, task: &str, observation: usize, action: usize, stack: usiz
     (named(task).expect("known").into(), policy)
 }
 
-/// Trajectories of so many frames in which these policies act, and the robot's joints.
+/// Records `trajectories` trajectories of `frames` frames in which these policies act; also the robot's number of joints.
 fn recorded(robot: &str, policies: Vec<(Arc<dyn Task>, Policy)>, share: f64, frames: usize, trajectories: usize) -> (Recording, usize) {
     let system = System::named(robot).expect("built in");
     let mut truth = Articulated::new(ArticulatedConfig::paper(&system, Friction::Coulomb));

@@ -90,7 +90,7 @@ fn shipped_policies_say_what_their_weights_say_in_f64() {
     for path in all.map(|entry| entry.expect("a folder").path()).filter(|path| path.join("config.json").exists()) {
         let (_, policy) = load(&path).expect("a policy");
         let (flat, a) = (policy.flat.iter().map(|w| f64::from(*w)).collect::<Vec<f64>>(), policy.shape.action);
-        // Within two deviations of what it has seen.
+        // Within two standard deviations of the observations seen.
         let (seen, width) = (&policy.seen, policy.shape.inputs());
         let number = |i: usize| seen.mean[i % width] + 2.0 * seen.variance[i % width].sqrt() * (i as f64 * 1.7).sin();
         let rows: Vec<f64> = (0..7 * width).map(number).collect();
@@ -151,7 +151,9 @@ fn every_task_has_settings_and_a_policy_survives_its_folder() {
         let (solver, provenance) = (Truth::default().name(), Default::default());
         let config = PolicyConfig { task: name.into(), solver, shape, ppo, iterations: 1, reward: None, provenance };
         save(folder, &config, &policy, "# A card\n").expect("written");
-        assert_eq!(load(folder).expect("read"), (config.clone(), policy.clone()), "{name}");
+        let (mut found, weights) = load(folder).expect("read");
+        assert_eq!(found.provenance.remove("weights sha256"), Some(policy.sha256()), "{name}");
+        assert_eq!((found, weights), (config.clone(), policy.clone()), "{name}");
         let refused = |change: fn(&mut Policy)| {
             let mut policy = policy.clone();
             change(&mut policy);
@@ -167,6 +169,23 @@ fn every_task_has_settings_and_a_policy_survives_its_folder() {
         let said = load(folder).expect_err("cannot be").to_string();
         assert!(said.contains("hidden is 1.8446744073709552e19"), "{name}: {said}");
     }
+    // Weights of another policy of the same shape, and of one of another task.
+    let [own, other] = [(); 2].map(|()| tempfile::tempdir().expect("temporary folder"));
+    let weights = |of: &Path| std::fs::copy(of.join("policy.safetensors"), own.path().join("policy.safetensors")).expect("copied");
+    let shipped = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/policies").join(name);
+    for (folder, name) in [(own.path(), "ant-run-neural-200"), (other.path(), "ant-run-neural-911")] {
+        let (config, policy) = load(&shipped(name)).expect("shipped");
+        save(folder, &config, &policy, "# A card\n").expect("written");
+    }
+    assert!(load(own.path()).is_ok());
+    weights(other.path());
+    let said = load(own.path()).expect_err("other weights").to_string();
+    assert!(said.contains("policy.safetensors: its weights are not those that config.json has the hash of"), "{said}");
+    // An older one knows its task alone.
+    weights(&shipped("ant-spin-neural-200"));
+    std::fs::copy(shipped("ant-run-neural-200").join("config.json"), own.path().join("config.json")).expect("copied");
+    let said = load(own.path()).expect_err("another task").to_string();
+    assert!(said.contains("it is of task `ant-spin`, and config.json of `ant-run`"), "{said}");
     for (text, key) in [("environments = 1\nhurry = true", "hurry"), ("environments = 0", "environments"), ("rate = nan", "rate")] {
         let said = PpoConfig::from_text(text).expect_err(text).to_string();
         assert!(said.contains(key), "{text}: {said}");

@@ -24,7 +24,7 @@ fn rolled(arena: &Arena, task: &str, config: &PpoConfig, by: f64, along: &[f64])
     state.policy.seen.update(episodes.observations());
     state.policy.flat.iter_mut().zip(along).for_each(|(w, x)| *w += (by * x) as f32);
     let noise = StreamKey { seed: 5, number: 0 };
-    let on = Stage { episodes: &mut episodes, running: &mut running, policy: &state.policy, config, noise };
+    let on = Stage { episodes: &mut episodes, running: &mut running, policy: &state.policy, config, noise, stop: Default::default() };
     engine.roll(on).expect("a rollout");
     (engine.earned, engine.gradient)
 }
@@ -68,7 +68,7 @@ impl Formulas for Centre {
     }
 }
 
-/// A run of so many steps in the shipped model.
+/// A run of `steps` steps in the shipped model.
 fn centre(algorithm: Algorithm, steps: usize) -> Trainer {
     let text = "environments = 16\nhorizon = 16\nminibatch = 128\nepochs = 4\nhidden = [32]\nactivation = \"elu\"\n";
     let mut config = PpoConfig { algorithm, ..PpoConfig::from_text(text).expect("settings") };
@@ -174,7 +174,14 @@ fn an_environment_without_finite_slopes_is_left_out_and_begins_anew() {
         let Trainer { mut episodes, mut state, .. } = arena.trainer(task, config.clone(), 3).expect("a run");
         let mut engine = Shac::new(&mut episodes, &mut state.policy, &config, 4).expect("slopes");
         let noise = StreamKey { seed: 5, number: 0 };
-        let on = Stage { episodes: &mut episodes, running: &mut state.running, policy: &state.policy, config: &config, noise };
+        let on = Stage {
+            episodes: &mut episodes,
+            running: &mut state.running,
+            policy: &state.policy,
+            config: &config,
+            noise,
+            stop: Default::default(),
+        };
         let taken = engine.roll(on).expect("a rollout");
         (engine.gradients(&state.policy), engine.gradient, taken.failed, episodes.simulation.batch.frames.clone(), state.running)
     };

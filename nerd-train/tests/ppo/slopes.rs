@@ -55,7 +55,7 @@ fn played(task: &str) -> (Batch, Vec<Vec<Frame>>) {
     (Batch::new(&system, &scene, 1), frames)
 }
 
-/// Frames of all that were played, apart in time, so many at most.
+/// A limited number of played frames, spaced in time.
 fn taken(frames: &[Vec<Frame>]) -> Vec<&Frame> {
     let all: Vec<&Frame> = frames.iter().flat_map(|own| own.iter().skip(EVERY / 2).step_by(EVERY)).collect();
     let each = all.len().div_ceil(STATES);

@@ -17,7 +17,7 @@ pub const WHEEL: &str = r#"<robot name="wheel"><link name="a"/><link name="b"><i
 const LOG: &str = "file = \"turns.csv\"\nrobot = \"wheel.urdf\"\nscene = \"free\"\ntrajectory = \"run\"\ntime = \"t\"\n\
     [[joint]]\nname = \"j\"\nposition = \"q\"\nvelocity = \"v\"\ntorque = \"u\"\n";
 
-/// A log of so many runs of 60 frames; every fifth begins `odd` times as fast.
+/// A log of `runs` runs of 60 frames; every fifth begins `odd` times as fast.
 fn log(folder: &Path, runs: u64, odd: f64) {
     std::fs::write(folder.join("wheel.urdf"), WHEEL).expect("written");
     std::fs::write(folder.join("wheel.toml"), "like = \"urdf\"\nfloating = false\nframe_time = 0.02\n").expect("written");

@@ -1,6 +1,7 @@
 //! Runs from their settings: files, options over them, chains, and what comes out.
 
-use nerd_train::settings::Settings;
+use nerd_train::ppo::PpoConfig;
+use nerd_train::settings::{Settings, listed};
 
 use crate::*;
 
@@ -53,6 +54,36 @@ fn defaults_are_within_their_ranges_and_every_key_says_what_it_means() {
         assert!(value.is_null() || key.values.check(value).is_ok(), "{}: {value} is none of {:?}", key.name(), key.values);
         assert!(key.help().len() > 10, "{} says too little", key.name());
     }
+}
+
+/// Settings of a run, and of a policy's training.
+#[test]
+fn every_number_of_settings_has_bounds() {
+    for key in RunConfig::keys() {
+        for odd in [serde_json::json!(-1e300), serde_json::json!(1e300)] {
+            assert!(key.values.check(&odd).is_err(), "{} may be {odd}", key.name());
+        }
+    }
+    let usual = serde_json::json!(PpoConfig::default());
+    let keys = usual.as_object().expect("keys").iter().filter(|(_, value)| value.is_number()).map(|(key, _)| key.as_str());
+    let keys: Vec<&str> = keys.chain(["spread"]).collect();
+    assert!(keys.len() > 15, "{keys:?}");
+    for key in keys {
+        for odd in ["1e300", "-1", "9223372036854775807", "nan", "inf"] {
+            let said = PpoConfig::from_text(&format!("{key} = {odd}")).map_err(|e| e.to_string()).err().unwrap_or_default();
+            assert!(said.contains(key) && said.lines().count() == 1, "{key} = {odd}: `{said}`");
+        }
+    }
+}
+
+#[test]
+fn a_folder_whose_name_has_commas_is_one_of_a_list() {
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let [one, two] = ["a,b", "c,d,e"].map(|name| folder.path().join(name).display().to_string());
+    std::fs::create_dir(&two).expect("a folder");
+    assert_eq!(listed(&one).len(), 2, "there is none yet");
+    std::fs::create_dir(&one).expect("a folder");
+    assert_eq!(listed(&format!("x,{one},y,{two},")), ["x", &one, "y", &two, ""]);
 }
 
 #[test]

@@ -26,7 +26,7 @@ fn case() -> Case {
 
 const CONFIG: LearnerConfig = LearnerConfig { batch: 20, clip: 1.0, average: 0.9, seed: 0, huber: None, optimizer: Optimizer::Adam };
 
-/// What rollouts of so many frames learn from.
+/// The training course of rollouts of `frames` frames.
 fn course(case: &Case, frames: usize) -> Course<Cable> {
     let (normalizer, velocity) = scales(&case.chain, &case.motions);
     let scale = ChainSolver::scale(&normalizer).expect("a chain's");
@@ -105,7 +105,7 @@ fn scenes_are_drawn_again_from_the_seed() {
     assert!(error.contains("trajectory 0: its scenes cannot be drawn again"), "{error}");
 }
 
-/// How far the slope of the loss of a few rollouts, some of which touch, is from that of differences along it, in steps of `h`.
+/// Error of the loss gradient of a few rollouts, some in contact, against finite differences along it with step `h`.
 pub fn slope_off<B: Body>(course: &Course<B>, weights: &Weights, view: impl Fn(usize) -> B::View, h: f64) -> f64 {
     let passed = |flat: &[f32]| {
         let network = Loaded::new(weights.config.program(), flat);

@@ -11,7 +11,7 @@ mod export;
 use arena::ArenaArgs;
 use export::ExportArgs;
 
-use crate::options::SEEDS;
+use crate::options::{MINUTES, SEEDS};
 use crate::{measure::Conduct, out, prelude::*};
 
 #[derive(clap::Args, Clone, Debug)]
@@ -72,7 +72,7 @@ pub struct TrainArgs {
     #[arg(long, value_parser = value::<usize>(Whole(1..=1 << 31)))]
     pub minibatch: Option<usize>,
     /// Stop with a checkpoint after this many minutes; the same command continues
-    #[arg(long, value_parser = value::<f64>(Positive))]
+    #[arg(long, value_parser = value::<f64>(Positive(MINUTES)))]
     pub minutes: Option<f64>,
     /// Seed of weights, noise and starts
     #[arg(long, default_value_t = 0, value_parser = value::<u64>(Whole(SEEDS)))]
@@ -148,6 +148,7 @@ fn say(done: &Learned) {
 }
 
 fn show(args: ShowArgs) -> Result<()> {
+    out::page(&args.out)?;
     let (config, policy) = folder::load(&args.policy)?;
     let task = config.task;
     let arena = args.arena.of(&task)?;

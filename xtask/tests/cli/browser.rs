@@ -24,7 +24,7 @@ pub struct Browser {
 }
 
 impl Browser {
-    /// Opens a page in a window of so many pixels; says so where there is no browser.
+    /// Opens a page in a window of `width` x `height` pixels; prints a note and returns `None` without a browser.
     pub fn open(url: &str, [width, height]: [usize; 2]) -> Option<Self> {
         let there = |name: &&str| Command::new(name).arg("--version").output().is_ok_and(|run| run.status.success());
         let Some(name) = NAMES.into_iter().find(there).filter(|_| cfg!(unix)) else {

@@ -63,7 +63,7 @@ fn the_page_shows_and_does_what_the_solvers_say() {
     );
     assert!(rate > 0.0, "it is not painted");
 
-    // From the start on: a drag by the mouse, whose law is that of a world of our own that is asked the same.
+    // From the start on: a drag by the mouse moves the robot as the same drag does in a world of this test's own.
     browser.run("by('pause').click()");
     browser.until("by('pause').textContent === 'Play'");
     browser.run("asked.length = 0; by('reset').click()");

@@ -16,7 +16,7 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the workspace")
 }
 
-/// The program, in the workspace, with a line's words and those of paths.
+/// The program, run in the workspace, with the words of `line` and `paths` as arguments.
 fn command(line: &str, paths: &[&Path]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_xtask"));
     command.args(line.split_whitespace()).args(paths).current_dir(root());

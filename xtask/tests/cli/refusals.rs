@@ -43,3 +43,72 @@ fn asked_for_nothing_it_lists_its_verbs() {
         assert!(verbs.iter().all(|verb| help.contains(&format!("\n  {verb} "))), "{help}");
     }
 }
+
+/// Whatever the verb and the option: at the start, before anything is measured or written.
+#[cfg(unix)]
+#[test]
+fn paths_that_are_not_utf8_are_refused_at_the_start() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = Folder::new();
+    let odd = folder.0.path().join(std::ffi::OsStr::from_bytes(b"caf\xe9"));
+    let lines = "policy train cartpole-swingup --iterations 1 --out\npolicy train\npolicy train cartpole-swingup --config\nurdf\nevaluate --robot \
+                 pendulum --out\nchart --out\nreproduce --out\nrollout --robot pendulum --states\ndataset --robot pendulum --out\ntrain\ntrain \
+                 --recipe small --from\ninspect --robot\nlive --policy\nlist robots --model\nreport --out";
+    for line in lines.lines() {
+        refused(line, &[&odd], "is not UTF-8");
+    }
+    assert!(!odd.exists());
+    // Nor does a folder of such a name in which the program runs bring it down.
+    std::fs::create_dir(&odd).expect("a folder");
+    let mut command = command("policy train cartpole-swingup --envs 4 --horizon 4 --iterations 1 --minibatch 8 --out run", &[]);
+    let run = command.current_dir(&odd).output().expect("xtask starts");
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    assert!(odd.join("run/policy/policy.safetensors").exists());
+}
+
+/// Whatever a verb would write: what is there under that name and is not its own stays, byte by byte; what is its own is made again.
+#[test]
+fn files_of_a_users_own_are_not_replaced() {
+    const TRAIN: &str = "train --robot pendulum --recipe small --embedding 8 --layers 1 --history 4 --transitions 200 --frames 20 --updates 2 \
+                         --batch 4 --rollouts 1 --out";
+    const POLICY: &str = "policy train cartpole-swingup --envs 4 --horizon 4 --iterations 1 --minibatch 8 --out";
+    const OWN: &[u8] = b"{\"step\": 1, \"loss\": 0.5}\n";
+    let folder = Folder::new();
+    let states = folder.write("states.csv", "traj,step,q1,q2,qd1,qd2\n0,0,0.1,0.2,0,0\n");
+    let policy = "models/policies/cartpole-swingup-neural-200";
+    let rollout = format!("rollout --robot pendulum --frames 3 --states {} --out", states.display());
+    for (line, names) in [
+        (TRAIN, "metrics.jsonl run.json sessions.jsonl last.safetensors best.safetensors model/README.md model/config.json"),
+        (POLICY, "metrics.jsonl run.json sessions.jsonl last.safetensors policy/README.md policy/policy.safetensors policy/task.toml"),
+        ("dataset --robot pendulum --transitions 40 --frames 4 --out", "manifest.json shard-00000.safetensors"),
+        (
+            "evaluate --robot pendulum --solver rapier --starts 1 --frames 3 --out",
+            "passive/README.md passive/result.json passive/notes.txt",
+        ),
+        ("urdf nerd-core/assets/arm.urdf --out", "urdfs/README.md urdfs/result.json"),
+        (&rollout, "r.csv states.csv"),
+        (&format!("policy show --policy {policy} --out"), "show.html"),
+        (&format!("policy export --policy {policy} --out"), "p.onnx p.json"),
+    ] {
+        let verb = line.split(' ').take(2).collect::<Vec<_>>().join("-");
+        for (k, name) in names.split(' ').enumerate() {
+            let place = folder.path(&format!("{verb}-{k}"));
+            std::fs::create_dir_all(place.join(name).parent().expect("a folder")).expect("folders");
+            let own: &[u8] = if name == "states.csv" { b"traj,step,q1,q2,qd1,qd2\n0,0,0.10,0.2,0,0\n0,1,0.10,0.2,0,0\n" } else { OWN };
+            std::fs::write(place.join(name), own).expect("written");
+            let file =
+                [".csv", ".html", ".onnx", ".json"].iter().any(|end| name.ends_with(end)) && !line.contains("train") && !name.contains('/');
+            let file = file && !line.starts_with("dataset");
+            let out = if file { place.join(name.replace(".json", ".onnx")) } else { place.clone() };
+            refused(line, &[&out], name.split('/').next().unwrap_or_default());
+            assert_eq!(crate::bytes(place.join(name)), own, "{line}: {name} was replaced");
+            let kept = std::fs::read_dir(place.join(name).parent().expect("a folder")).expect("a folder").count();
+            assert_eq!(kept, 1, "{line}: something was left beside {name}");
+        }
+        let (_, first) = (names, names.split(' ').next().unwrap_or_default());
+        let fresh = folder.path(&format!("{verb}-fresh"));
+        let out = if first.ends_with("csv") || first.ends_with("html") || first.ends_with("onnx") { fresh.join(first) } else { fresh };
+        crate::done(line, &[&out]);
+        crate::done(line, &[&out]);
+    }
+}

@@ -141,3 +141,89 @@ fn a_data_set_has_one_writer_at_a_time() {
     killed("dataset --robot pendulum --transitions 1000000000 --out", &out, checked);
     done(small, &[&out]);
 }
+
+/// In a long run of a policy and of a model, and in what keeps no checkpoint.
+#[cfg(unix)]
+#[test]
+fn a_signal_ends_a_run_with_a_checkpoint_a_policy_and_its_own_code() {
+    use std::time::Instant;
+    const POLICY: &str = "policy train cartpole-swingup --envs 16 --horizon 16 --iterations 1000000 --minibatch 64 --out";
+    const MODEL: &str = "train --robot cartpole --recipe small --embedding 16 --layers 1 --history 4 --transitions 4000 --frames 20 --updates \
+                         10000000 --batch 16 --rollouts 2 --validate-every 3 --log-every 3 --out";
+    for (line, signal, code, left) in [
+        (POLICY, "-INT", 130, &["last.safetensors", "policy/policy.safetensors", "policy/config.json", "sessions.jsonl"][..]),
+        (POLICY, "-TERM", 143, &["last.safetensors", "policy/policy.safetensors"]),
+        (MODEL, "-TERM", 143, &["last.safetensors", "best.safetensors", "sessions.jsonl"]),
+    ] {
+        let folder = Folder::new();
+        let out = folder.path("run");
+        // It goes on from its own checkpoint.
+        for _ in 0..2 {
+            let seen = text_or_none(&out.join("metrics.jsonl"));
+            let mut run =
+                command(line, &[&out]).stdout(std::process::Stdio::null()).stderr(std::process::Stdio::piped()).spawn().expect("starts");
+            let begun = Instant::now();
+            while text_or_none(&out.join("metrics.jsonl")).len() <= seen.len() {
+                assert!(begun.elapsed() < Duration::from_secs(120), "{line}: nothing was learned in two minutes");
+                std::thread::sleep(Duration::from_millis(20));
+            }
+            std::thread::sleep(Duration::from_millis(200));
+            let asked = std::process::Command::new("kill").args([signal, &run.id().to_string()]).status().expect("kill runs");
+            let begun = Instant::now();
+            let ended = run.wait().expect("ends");
+            let mut said = String::new();
+            std::io::Read::read_to_string(&mut run.stderr.take().expect("piped"), &mut said).expect("a text");
+            assert!(asked.success() && ended.code() == Some(code), "{line}: {signal} ended it with {ended}: {said}");
+            assert!(begun.elapsed() < Duration::from_secs(30), "{line}: it took {:?} to end", begun.elapsed());
+            assert!(said.contains("the same command goes on from it"), "{line}: {said}");
+            let missing: Vec<_> = left.iter().filter(|name| !out.join(name).exists()).collect();
+            assert!(missing.is_empty(), "{line}: no {missing:?} after {signal}");
+        }
+    }
+}
+
+#[cfg(unix)]
+fn text_or_none(path: &Path) -> String {
+    std::fs::read_to_string(path).unwrap_or_default()
+}
+
+/// Of a step that has a thousand frames, and of data that takes hours to record.
+#[test]
+fn minutes_are_obeyed_while_anything_long_runs() {
+    let folder = Folder::new();
+    let task = |frames: u32| {
+        let text = format!("robot = \"ant\"\nsteps = 100\nframes = {frames}\nobservation = [\"q\", \"qd\"]\nreward = \"1\"\n");
+        folder.write(&format!("task{frames}.toml"), text).display().to_string()
+    };
+    refused(&format!("policy train {} --minutes 0.01 --out", task(1_000_000_000)), &[&folder.path("a")], "frames is 1000000000");
+    let long = format!("policy train {} --envs 4 --horizon 1000 --minutes 0.01 --out", task(1000));
+    let begun = std::time::Instant::now();
+    refused(&long, &[&folder.path("b")], "stopped in the first iteration");
+    let policy = begun.elapsed().as_secs_f64();
+    refused("train --robot ant --transitions 1000000 --minutes 0.01 --out", &[&folder.path("c")], "time was over while data was recorded");
+    let both = begun.elapsed().as_secs_f64();
+    assert!(policy < 60.0 && both < 90.0, "after {policy:.0} s and {both:.0} s, 0.6 s and a few were asked for");
+    assert!(!folder.path("b").exists() && !folder.path("c").exists());
+}
+
+/// As few threads as memory has room for stacks of: a line says so, and one does the work. Of large stacks the last one that does not fit leaves room for
+/// all else.
+#[cfg(target_os = "linux")]
+#[test]
+fn threads_that_cannot_be_had_are_a_line() {
+    let folder = Folder::new();
+    let line = format!("ulimit -v 1000000; exec {} {SMALL} {}", env!("CARGO_BIN_EXE_xtask"), folder.path("run").display());
+    let run = std::process::Command::new("sh")
+        .args(["-c", &line])
+        .envs([("RAYON_NUM_THREADS", "2000"), ("RUST_MIN_STACK", "100000000")])
+        .output()
+        .expect("starts");
+    let said = String::from_utf8_lossy(&run.stderr);
+    assert!(run.status.success() && said.contains("no threads can be started"), "{}: {said}", run.status);
+    assert!(folder.path("run/model/model.safetensors").exists());
+}
+
+/// A model of no worth, in a second.
+#[cfg(target_os = "linux")]
+const SMALL: &str = "train --robot pendulum --recipe small --embedding 8 --layers 1 --history 4 --transitions 200 --frames 20 --updates 2 --batch 4 \
+                     --rollouts 1 --out";

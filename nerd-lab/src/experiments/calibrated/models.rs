@@ -42,7 +42,7 @@ impl<'a> Judged<'a> {
         Ok(Self { folder, model: Model::load(folder, &own, None)?, own, held_out })
     }
 
-    /// Whether it has seen nothing of what is judged.
+    /// Whether the model's training data exclude the trajectories it is evaluated on.
     fn fair(&self, part: &Parts) -> bool {
         self.held_out.as_ref().is_none_or(|ids| part.judged.iter().all(|trial| ids.contains(&trial.id)))
     }
@@ -88,7 +88,7 @@ impl Calibration {
     }
 }
 
-/// Distance of every trial from a model's rollout, shown at most so many frames before it.
+/// Distance of every trial from a model's rollout, shown at most `before` frames before it.
 fn rolled(log: &Log, Judged { own, model, .. }: &Judged, trials: &[Trial], before: usize) -> Result<Vec<Distance>> {
     let mut groups: BTreeMap<(usize, usize), Vec<usize>> = BTreeMap::new();
     for (k, trial) in trials.iter().enumerate() {

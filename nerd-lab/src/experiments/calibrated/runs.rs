@@ -74,7 +74,7 @@ impl Calibration {
         Ok(Learned { log, shared: described.with(&parameters, &shared.values)?, own, held })
     }
 
-    /// What a trajectory's first frames make of what all share.
+    /// The shared robot after a fit to a trajectory's first frames.
     fn told(&self, learned: &Learned, id: u64, weight: Option<f64>) -> Result<Subject> {
         let mut seen = self.pieces(learned.log, self.every / 2);
         seen.retain(|t| t.id == id && t.first + t.measured.len() <= self.before + 1);
@@ -83,7 +83,7 @@ impl Calibration {
         }
         let mut parameters = learned.own.clone();
         if let Some(weight) = weight {
-            // The objective is in units of what it was.
+            // The objective is divided by its value before the fit.
             let unit = nerd_sim::calibrate::mean(&learned.shared.distances(&seen)?).joints;
             parameters.extend(learned.held.iter().map(|p| p.near(p.nominal, weight / unit.max(f64::MIN_POSITIVE))));
         }
@@ -98,7 +98,7 @@ impl Calibration {
             trials.retain(|t| t.id == id && t.first >= self.before);
             let still = |t: &Trial| distance(&log.system, &vec![t.measured[0].clone(); t.measured.len()], &t.measured);
             let found = subject.map_or_else(|| Ok(trials.iter().map(still).collect()), |subject| subject.distances(&trials))?;
-            // Rollouts begin where they were measured: that frame is none of theirs.
+            // A rollout begins at a measured frame, which is not a predicted one.
             let predicted = (frames + 1) as f64 / *frames as f64;
             Ok((trials.len(), predicted * mean(&found.iter().map(|d| d.joints).collect::<Vec<_>>())))
         };

@@ -52,7 +52,7 @@ impl CalibratedAll {
         ))
     }
 
-    /// What each fit took, and what it is worth.
+    /// Cost and benefit of each fit.
     pub(super) fn fits(&self) -> Table {
         let line = |solver: &Calibrated, k: usize, split: &Split| {
             let (fit, apart) = (&split.fit, &split.after.mean);

@@ -4,7 +4,7 @@
 //! reference, passive motion from the robot's reset law. Time and error come from the same steps, so a broken simulation cannot
 //! be fast. The reference's own error (its distance from half its substeps) is a dashed line, as is the floor that repeats the
 //! start. A model that learned from another engine is compared with that engine, as its name says, since it cannot be nearer to
-//! the reference than what it learned. MuJoCo takes part where a Python has it (`guest`). With `--device cuda` time is that of a frame among
+//! the reference than what it learned. MuJoCo takes part where a Python has it (`guest`). With `--device cuda` time is per frame among
 //! many environments on a GPU (`card`).
 
 mod guest;

@@ -27,7 +27,7 @@ pub(super) struct ChartData {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Point {
     series: String,
-    /// The solver; none of another engine.
+    /// The solver; `None` for another engine.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     setting: Option<Setting>,
     substeps: Option<usize>,

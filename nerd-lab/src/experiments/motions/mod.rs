@@ -1,6 +1,6 @@
 //! Errors of contact points along unseen motions in new scenes, and the cost of a frame.
 //!
-//! Starts, scenes and torques are drawn as those of a data set ([`nerd_sim::dataset::begin`]), from a seed of their own. The reference is
+//! Starts, scenes and torques are drawn as for a data set ([`nerd_sim::dataset::begin`]), from a seed of their own. The reference is
 //! the implicit step with four times as many substeps as the finest solver here. An error is the mean distance (m) of contact points, which
 //! are a cable's nodes, from those of the reference. Time and error come from the same frames.
 

@@ -29,7 +29,7 @@ pub struct Recorded {
 pub struct Found {
     #[serde(flatten)]
     verdict: Verdict,
-    /// The model on a GPU, by arithmetic; time is that of a frame of one environment among many.
+    /// The model on a GPU, by arithmetic; time is per frame of one environment among many.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     card: Vec<Row>,
 }

@@ -106,7 +106,7 @@ impl Rows {
             .with(lines)
     }
 
-    /// How the error of a robot's models grows, a line for each scene; none of a robot that is not there.
+    /// How the error of a robot's models grows, a line for each scene; `None` if the robot has no rows.
     pub fn growth(&self, robot: &str) -> Option<Figure> {
         let rows = self.rows.iter().filter(|row| row.robot == robot);
         let line = |row: &Row| {

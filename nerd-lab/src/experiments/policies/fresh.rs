@@ -40,6 +40,9 @@ impl Policies {
             if !done(run)? {
                 tell!("policy {} of {}: {}", k + 1, runs.len(), run.out.display());
                 run.train()?;
+                if nerd_train::stop::asked().is_some() {
+                    bail!("stopped; policies that are done are kept, and the same command goes on");
+                }
             }
         }
         Ok(runs.iter().map(|run| run.out.join("policy")).collect())

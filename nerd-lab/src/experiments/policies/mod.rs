@@ -28,7 +28,7 @@ settings! {
         /// With `fresh`: folder of the policies' runs; the same command continues
         runs: PathBuf = "out/fresh".into(), Text;
         /// With `fresh`: minutes after which each training stops [default: none]
-        minutes: Option<f64> = None, Positive;
+        minutes: Option<f64> = None, Positive(nerd_train::bounds::MINUTES);
         /// Folder of the learned simulator's model [default: models/TASK if it is there, else models/ROBOT]; the truth is the one it
         /// learned
         model: Option<PathBuf> = None, Text;

@@ -123,7 +123,7 @@ fn once<T: PartialEq>(all: impl Iterator<Item = T>) -> Vec<T> {
     })
 }
 
-/// A miss in its task's own unit; without one, as a share of what is allowed.
+/// An error in its task's own unit; for a task without one, as a share of the tolerance.
 fn missed(row: &Row, miss: f64) -> String {
     let (allowed, unit) = row.allowed.as_ref().map_or((1.0, ""), |(allowed, unit)| (*allowed, unit));
     format!("{:.3}{}{unit}", miss * allowed, if unit.is_empty() { "" } else { " " })
@@ -163,10 +163,10 @@ pub fn gaps(rows: &[Row]) -> Table {
     Table::new("fresh", &header).with(lines).noted(note)
 }
 
-/// Rewards of episodes while policies learned, over seconds of that, from the curves that their folders have; none of older ones.
+/// Rewards of episodes while policies learned, over seconds of training, from the curves in their folders; older folders have no curve.
 pub fn curves(folders: &[PathBuf]) -> Option<Figure> {
     let series = folders.iter().filter_map(|folder| {
-        let text = std::fs::read_to_string(folder.join("curve.csv")).ok()?;
+        let text = nerd_sim::files::read_text(&folder.join("curve.csv")).ok()?;
         let mut lines = text.lines().map(|line| line.split(',').collect::<Vec<_>>());
         let header = lines.next()?;
         let [x, y] = ["seconds", "reward"].map(|name| header.iter().position(|column| *column == name));

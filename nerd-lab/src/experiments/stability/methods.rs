@@ -8,7 +8,7 @@ pub fn known() -> Vec<Method> {
     [paper(), accurate(), euler(4), euler(16), euler(64), implicit(4), implicit(16), converged(), rough, fine].into()
 }
 
-/// The articulated solver with settings of a system and of so many times the substeps, as `solver` makes it.
+/// The articulated solver with a system's settings, the substeps multiplied, as `solver` builds it.
 pub(super) fn articulated(
     name: impl Into<String>,
     config: impl Fn(&System, usize) -> ArticulatedConfig + Copy + Send + Sync + 'static,

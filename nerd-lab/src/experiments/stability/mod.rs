@@ -52,7 +52,7 @@ impl Stability {
     /// The same rows under the articulated solver's settings on a GPU, each beside its own on the CPU.
     #[cfg(feature = "cuda")]
     pub fn on_device(words: &[String]) -> Result<Self> {
-        // Settings, and the same with so many times the substeps.
+        // Settings by system and factor on the substeps.
         type Settings = fn(&System, usize) -> ArticulatedConfig;
         let gpu = |name: &str, real: Real, config: Settings| {
             methods::articulated(name, config, move |config| -> Box<dyn Solver> { Box::new(CudaArticulated::new(config, real)) })

@@ -1,5 +1,5 @@
-//! Activations, forward and backward. Derivatives follow from the output y: `1 - y^2` for tanh; 1 where y > 0 for relu; 1, below 0
-//! `y + 1`, for elu. That of gelu is stored. NaNs propagate.
+//! Activations, forward and backward. Derivatives follow from the output y: `1 - y^2` for tanh; 1 where y > 0 for relu; 1, below 0 `y + 1`,
+//! for elu. The derivative of gelu is stored. NaNs propagate.
 
 use std::f32::consts::FRAC_1_SQRT_2;
 
@@ -8,14 +8,14 @@ use pulp::Arch;
 use super::elementwise::{at_least, erf, erf_and_bell, exp};
 use crate::program::Activation;
 
-/// `y = f(x)`. The memory of x is that of y afterwards, or, of a gelu whose way back is asked for, holds its gradient.
+/// `y = f(x)`. Afterwards x holds y's old buffer or, for a gelu with `keep`, its derivative.
 pub fn forward(f: Activation, keep: bool, x: &mut Vec<f32>, y: &mut Vec<f32>) {
     if f == Activation::Gelu && keep {
         return gelu_and_slope(x, y);
     }
     std::mem::swap(x, y);
     let (arch, all) = (Arch::new(), y.iter_mut());
-    // Each its own: several loops in one closure are not made vectors of.
+    // One loop for each: several loops in one closure are not vectorised.
     match f {
         Activation::Gelu => arch.dispatch(|| all.for_each(|x| *x *= 0.5 * (1.0 + erf(*x * FRAC_1_SQRT_2)))),
         Activation::Relu => arch.dispatch(|| all.for_each(|x| *x = at_least(*x, 0.0))),
@@ -24,7 +24,7 @@ pub fn forward(f: Activation, keep: bool, x: &mut Vec<f32>, y: &mut Vec<f32>) {
     }
 }
 
-/// `y = gelu(a) b` of rows `x = [a b]` of a width.
+/// `y = gelu(a) b` for rows `x = [a b]` of `width` numbers.
 pub fn gate(x: &[f32], width: usize, y: &mut Vec<f32>) {
     y.resize(x.len() / 2, 0.0);
     Arch::new().dispatch(|| {
@@ -37,7 +37,7 @@ pub fn gate(x: &[f32], width: usize, y: &mut Vec<f32>) {
     });
 }
 
-/// The gradient by `x` of [`gate`] from the upstream one.
+/// Adjoint of [`gate`]: the gradient with respect to `x` from the upstream one.
 pub fn gate_back(x: &[f32], width: usize, dy: &[f32], dx: &mut Vec<f32>) {
     use std::f32::consts::FRAC_2_SQRT_PI;
     dx.resize(x.len(), 0.0);
@@ -54,7 +54,7 @@ pub fn gate_back(x: &[f32], width: usize, dy: &[f32], dx: &mut Vec<f32>) {
     });
 }
 
-/// `active = x (1 + erf(x / sqrt 2)) / 2`, and x becomes the gradient there, so that the backward pass only multiplies.
+/// `active = x (1 + erf(x / sqrt 2)) / 2`; replaces x by the derivative there, so that the backward pass only multiplies.
 fn gelu_and_slope(x: &mut [f32], active: &mut Vec<f32>) {
     use std::f32::consts::FRAC_2_SQRT_PI;
     active.resize(x.len(), 0.0);
@@ -75,7 +75,7 @@ fn tanh(x: f32) -> f32 {
     ((1.0 - e) / (1.0 + e)).copysign(x)
 }
 
-/// The gradient by the input of [`forward`] from the upstream one, in its place; `kept` is what x became.
+/// Adjoint of [`forward`], in place; `kept` is x as `forward` left it.
 pub fn backward(f: Activation, kept: &[f32], y: &[f32], gradient: &mut [f32]) {
     let (arch, pairs) = (Arch::new(), gradient.iter_mut().zip(if f == Activation::Gelu { kept } else { y }));
     match f {
@@ -90,7 +90,7 @@ pub fn backward(f: Activation, kept: &[f32], y: &[f32], gradient: &mut [f32]) {
 mod tests {
     use super::*;
 
-    // Slopes, and GELU, of which the library has none, are tested against burn (`tests/program.rs`).
+    // Derivatives, and GELU, which the library lacks, are tested against burn (`tests/program.rs`).
     #[test]
     fn activations_are_those_of_the_library_and_nan_stays() {
         let xs: Vec<f32> = (-4000..4000).map(|k| k as f32 * 5e-3 + 1e-4).chain([f32::NAN]).collect();

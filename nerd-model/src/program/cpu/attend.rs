@@ -3,13 +3,13 @@
 //! With q, k, v of a head, `S = q k^T / sqrt(d)`, shares `P = softmax(S)` over the tokens that a token may see, `o = P v`; backward
 //! `dv = P^T do`, `dP = do v^T`, `dS = P (dP - sum_j P dP)`, `dq = dS k / sqrt(d)`, `dk = dS^T q / sqrt(d)`.
 //!
-//! Keys lie on their side, a row for each column of a head, so that the scores of all tokens are one sum of vectors.
+//! Keys are stored transposed, a row for each column of a head, so that the scores of all tokens are one sum of vectors.
 
 use pulp::Arch;
 
 use super::elementwise::softmax;
 
-/// Shape of a window's attention, and memory for one head of one.
+/// Shape of a window's attention, and working memory for one head.
 #[derive(Default)]
 pub struct Attention {
     tokens: usize,
@@ -17,15 +17,15 @@ pub struct Attention {
     embedding: usize,
     /// Tokens that a token sees, itself included.
     reach: usize,
-    /// Cosines and sines of the pairs at each place, `[tokens][2][d / 2]`; nothing where nothing is turned.
+    /// Cosines and sines of the pairs at each position, `[tokens][2][d / 2]`; empty without rotary positions.
     turns: Vec<f32>,
-    /// Keys or values of a head on their side, `[d][width]`.
+    /// Keys or values of a head, transposed, `[d][width]`.
     lying: Vec<f32>,
     row: Vec<f32>,
 }
 
 impl Attention {
-    /// Of windows, see [`super::super::Op::Attend`].
+    /// Sets the shape for windows, see [`super::super::Op::Attend`].
     pub fn shape(&mut self, embedding: usize, heads: usize, tokens: usize, band: Option<usize>, frequencies: &[f64]) {
         (self.embedding, self.heads, self.tokens, self.reach) = (embedding, heads, tokens, band.unwrap_or(tokens));
         if self.turns.len() != 2 * tokens * frequencies.len() {
@@ -35,8 +35,8 @@ impl Attention {
         }
     }
 
-    /// Queries, keys and values `[windows tokens][3 E]` to mixed values `[windows tokens][E]`. Queries and keys are left turned,
-    /// shares as `[window][head][tokens][width]`.
+    /// Queries, keys and values `[windows tokens][3 E]` to mixed values `[windows tokens][E]`. Leaves queries and keys rotated, and shares
+    /// as `[window][head][tokens][width]`.
     pub fn forward(&mut self, qkv: &mut [f32], shares: &mut Vec<f32>, out: &mut Vec<f32>) {
         let (t, e, width) = (self.tokens, self.embedding, width(self.tokens));
         let windows = qkv.len() / (t * 3 * e);
@@ -59,7 +59,7 @@ impl Attention {
         });
     }
 
-    /// Gradient `dqkv` in front of [`Attention::forward`] from the upstream gradient.
+    /// Adjoint of [`Attention::forward`]: gradient `dqkv` from the upstream gradient.
     pub fn backward(&mut self, qkv: &[f32], shares: &[f32], upstream: &[f32], dqkv: &mut Vec<f32>) {
         let (t, e, width) = (self.tokens, self.embedding, width(self.tokens));
         dqkv.clear();
@@ -79,7 +79,7 @@ impl Attention {
         });
     }
 
-    /// Turns queries and keys of a window to their places, or (sign -1) back.
+    /// Rotates queries and keys of a window to their positions, or (sign -1) back.
     #[inline(always)]
     fn turn(&self, qkv: &mut [f32], sign: f32) {
         let (e, d) = (self.embedding, self.embedding / self.heads);
@@ -96,7 +96,7 @@ impl Attention {
         first..first + d
     }
 
-    /// Part 1 or 2 of a head, on its side.
+    /// Part 1 or 2 of a head, transposed.
     #[inline(always)]
     fn lay(&mut self, qkv: &[f32], part: usize, head: usize) {
         let (d, width) = (self.embedding / self.heads, width(self.tokens));
@@ -140,9 +140,9 @@ impl Attention {
 
 /// Keys and values of the last tokens of a stream in one layer.
 pub struct Ring<'a> {
-    /// Of tokens that are remembered.
+    /// Number of tokens kept.
     pub history: usize,
-    /// Keys, turned and lying, `[E][width]`, then values `[history][E]`: [`Ring::floats`].
+    /// Keys, rotated and transposed, `[E][width]`, then values `[history][E]`: [`Ring::floats`].
     pub past: &'a mut [f32],
     /// Tokens that came before.
     pub before: usize,
@@ -154,11 +154,11 @@ impl Ring<'_> {
         if history == 1 { 0 } else { embedding * (width(history) + history) }
     }
 
-    /// Mixed values `[E]` of a new token of `[q k v]`, which takes the place of the oldest; `turns` are cosines and sines of its place.
+    /// Mixed values `[E]` for a new token of `[q k v]`, which replaces the oldest; `turns` are cosines and sines of its position.
     #[inline(always)]
     pub fn push(&mut self, qkv: &mut [f32], heads: usize, turns: &[f32], shares: &mut Vec<f32>, out: &mut [f32]) {
         if self.history == 1 {
-            // It sees itself alone.
+            // A window of one token attends to itself alone.
             return out.copy_from_slice(&qkv[2 * out.len()..]);
         }
         let (e, d, width) = (out.len(), out.len() / heads, width(self.history));
@@ -177,12 +177,12 @@ impl Ring<'_> {
     }
 }
 
-/// A row of shares, with room to whole vectors.
+/// Length of a row of shares, padded to whole vectors.
 fn width(tokens: usize) -> usize {
     tokens.next_multiple_of(8)
 }
 
-/// Turns the columns m and m + d/2 of every head together, by cosines and sines of a place `[2][d / 2]`, or (sign -1) back.
+/// Rotates the column pairs (m, m + d/2) of every head by cosines and sines of a position `[2][d / 2]`, or (sign -1) back.
 #[inline(always)]
 fn turn(heads: &mut [f32], turns: &[f32], sign: f32) {
     let d = turns.len();
@@ -195,8 +195,8 @@ fn turn(heads: &mut [f32], turns: &[f32], sign: f32) {
     }
 }
 
-/// A head's query, keys that lie `[d][width]` and values, some numbers apart, of the first token seen and those after it, to the
-/// shares `[width]` of tokens and the mix of their values.
+/// Attention of one query of a head: from transposed keys `[d][width]` and values, at a stride, to the tokens' shares `[width]` and the mix
+/// of their values. Pointers are at the first token seen.
 #[inline(always)]
 fn mix(query: &[f32], keys: &[f32], (values, apart): (&[f32], usize), seen: std::ops::Range<usize>, shares: &mut [f32], out: &mut [f32]) {
     let scale = (query.len() as f32).sqrt().recip();
@@ -205,7 +205,7 @@ fn mix(query: &[f32], keys: &[f32], (values, apart): (&[f32], usize), seen: std:
     sums(out, &shares[seen], values, apart);
 }
 
-/// `out_c = sum_k a_k rows_kc`, rows so far apart; sums stay in registers.
+/// `out_c = sum_k a_k rows_kc`, rows at a stride; sums stay in registers.
 #[inline(always)]
 fn sums(out: &mut [f32], a: &[f32], rows: &[f32], stride: usize) {
     let mut first = 0;
@@ -224,13 +224,13 @@ fn sums(out: &mut [f32], a: &[f32], rows: &[f32], stride: usize) {
     }
 }
 
-/// As many columns of [`sums`] as a register may hold.
+/// [`sums`] over as many columns as fit in registers.
 #[inline(always)]
 fn lanes<const N: usize>(a: &[f32], rows: &[f32], stride: usize) -> [f32; N] {
     let mut sum = [0.0; N];
     for (k, a) in a.iter().enumerate() {
         let row = &rows[k * stride..][..N];
-        // A loop, since a closure may be left outside of what is compiled for wide vectors.
+        // A loop, since a closure may be compiled without wide vectors.
         for (sum, x) in sum.iter_mut().zip(row) {
             *sum += a * x;
         }

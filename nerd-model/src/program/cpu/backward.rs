@@ -7,12 +7,12 @@ use super::{Loaded, Matrix, Memory, activate, neighbours, taken};
 use crate::program::{Op, Step, Weight};
 
 impl Loaded {
-    /// Turns the matrices that the way back asks for. Threads that ask for one at the same time would wait for each other.
+    /// Transposes the matrices that the backward pass needs, beforehand: threads that need one at the same time would wait for each other.
     pub fn turn(&self) {
         (0..self.program.steps.len()).filter(|i| self.program.steps[*i].from != self.program.tokens()).for_each(|i| _ = self.turned(i));
     }
 
-    /// Of a product, `W'^T`.
+    /// `W'^T` of step `i`'s product.
     fn turned(&self, i: usize) -> Option<&Matrix> {
         let Step { to, op, .. } = self.program.steps[i];
         let Op::Linear { weight, scale, .. } = op else { return None };
@@ -20,15 +20,15 @@ impl Loaded {
         Some(self.back[i].get_or_init(|| Matrix::of_transpose(self.program.width(to), folded)))
     }
 
-    /// Gradient by the parameters from that by the predictions, after [`super::Pass::Kept`] of as many tokens; gradient by the tokens too,
-    /// if that is asked for, or else nothing.
+    /// Gradients with respect to parameters and, if requested, tokens, from the one with respect to predictions. Needs a forward pass of
+    /// [`super::Pass::Kept`] with as many tokens.
     pub fn backward(&self, tokens: usize, upstream: &[f32], memory: &mut Memory, by_tokens: bool) -> (Vec<f32>, Vec<f32>) {
         let mut gradient = vec![0.0; self.flat.len()];
         let of_tokens = self.way_back(tokens, upstream, memory, Some(&mut gradient), by_tokens);
         (gradient, of_tokens)
     }
 
-    /// Gradient by the tokens alone; the same pass may be asked again.
+    /// Gradient with respect to the tokens alone; may be repeated after one forward pass.
     pub fn backward_to_tokens(&self, tokens: usize, upstream: &[f32], memory: &mut Memory) -> Vec<f32> {
         self.way_back(tokens, upstream, memory, None, true)
     }
@@ -60,7 +60,7 @@ impl Loaded {
         let (x, y) = (&values[from.0], &values[to.0]);
         let mut dy = std::mem::take(&mut slopes[to.0]);
         let range = |w: Weight| self.starts[w.0]..self.starts[w.0 + 1];
-        // What is read twice has a gradient already.
+        // A slot that is read twice has a gradient already.
         let mut dx = std::mem::take(&mut slopes[from.0]);
         let first = dx.is_empty();
         let asked = from != self.program.tokens() || by_tokens;

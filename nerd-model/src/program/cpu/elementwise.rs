@@ -1,9 +1,9 @@
-//! Element-wise work in f32 that the compiler vectorises at the width that `pulp` detects at run time. It is inlined into a `dispatch` of
-//! the caller's.
+//! Element-wise work in f32 that the compiler vectorises at the width that `pulp` detects at run time. It is inlined into the caller's
+//! `dispatch`.
 
 use pulp::Arch;
 
-/// The larger of two, and what is not a number if x is not: `f32::max` would take the other one.
+/// The larger of two numbers, NaN if x is NaN: `f32::max` would return the other one.
 #[inline(always)]
 pub fn at_least(x: f32, least: f32) -> f32 {
     if x < least { least } else { x }
@@ -20,7 +20,7 @@ pub fn exp(x: f32) -> f32 {
     // ln 2 in two parts, so that r keeps its digits.
     let r = (x - k * 0.693_359_4) + k * 2.121_944_4e-4;
     let series = 1.0 + r * (1.0 + r * (0.5 + r * (1.0 / 6.0 + r * (1.0 / 24.0 + r * (1.0 / 120.0 + r * (1.0 / 720.0 + r / 5040.0))))));
-    // That number is in the low bits of the shifted one: no conversion, which no vector unit does without checks.
+    // That number is in the low bits of the shifted one, so no conversion is needed, which vector units do only with checks.
     series * f32::from_bits(shifted.to_bits().wrapping_sub(shift.to_bits()).wrapping_add(127) << 23)
 }
 
@@ -30,11 +30,11 @@ pub fn erf(x: f32) -> f32 {
     erf_and_bell(x).0
 }
 
-/// Where `e^(-x^2)`, 1e-11 there, counts as nothing. Were it let go on to 1e-38, gradients times it would be numbers of less than that, for
-/// which a processor takes far longer.
+/// Argument above which `e^(-x^2)`, 1e-11 there, counts as 0. Near 1e-38, gradients times it would be subnormal numbers, which are far
+/// slower.
 const FADED: f32 = 5.0;
 
-/// [`erf`] and `e^(-x^2)`, which it is made of and its gradient is proportional to.
+/// [`erf`] and `e^(-x^2)`, a factor of erf and of its derivative.
 #[inline(always)]
 pub fn erf_and_bell(x: f32) -> (f32, f32) {
     let a = x.abs();
@@ -44,7 +44,7 @@ pub fn erf_and_bell(x: f32) -> (f32, f32) {
     ((1.0 - series * bell).copysign(x), bell)
 }
 
-/// Rows of x to mean 0 and variance 1 (epsilon 1e-5, biased variance), and what they were divided by, inverted.
+/// Normalises rows of x to mean 0 and variance 1 (epsilon 1e-5, biased variance); `inverse` receives 1 / deviation of each row.
 pub fn normalize(x: &[f32], e: usize, out: &mut Vec<f32>, inverse: &mut Vec<f32>) {
     out.resize(x.len(), 0.0);
     inverse.resize(x.len() / e, 0.0);
@@ -70,8 +70,8 @@ pub fn sum(row: &[f32], f: impl Fn(f32) -> f32) -> f32 {
     lanes.iter().sum::<f32>() + rest
 }
 
-/// Scores, times `scale`, of what is seen to shares that add up to 1, and to 0 elsewhere. A row of whole vectors: what is not seen is
-/// computed with the rest, which costs nothing.
+/// Softmax of `scale` times the scores of the tokens seen; 0 for all others. A row is whole vectors: scores of unseen tokens are computed
+/// too, at no cost.
 #[inline(always)]
 pub fn softmax(scores: &mut [f32], seen: std::ops::Range<usize>, scale: f32) {
     for s in scores.iter_mut() {
@@ -90,13 +90,13 @@ pub fn softmax(scores: &mut [f32], seen: std::ops::Range<usize>, scale: f32) {
     scores[seen.end..].fill(0.0);
 }
 
-/// Adds to `dx` the gradient by the input of [`normalize`], from the upstream one: `(g - mean g - y mean g y) / deviation`.
+/// Adjoint of [`normalize`], added to `dx`: `(g - mean g - y mean g y) / deviation`.
 pub fn normalize_back(upstream: &mut [f32], out: &[f32], inverse: &[f32], dx: &mut [f32]) {
     let e = out.len() / inverse.len();
     Arch::new().dispatch(|| {
         for (((g, y), inverse), dx) in upstream.chunks_exact_mut(e).zip(out.chunks_exact(e)).zip(inverse).zip(dx.chunks_exact_mut(e)) {
             let mean = sum(g, |g| g) / e as f32;
-            // The mean of y is 0, so that of g may be taken away first.
+            // The mean of y is 0, so the mean of g may be subtracted first.
             g.iter_mut().for_each(|g| *g -= mean);
             let along = products(g, y) / e as f32;
             dx.iter_mut().zip(g).zip(y).for_each(|((dx, g), y)| *dx += (*g - y * along) * inverse);

@@ -1,7 +1,7 @@
 //! A matrix packed once, when a network is loaded, into panels as wide as the processor's registers.
 //!
-//! A general product packs its operands at every call, which for the few rows of a frame costs more than the product. Here
-//! a panel stays in the first-level cache while all rows pass it, and a tile of sums stays in registers.
+//! A general product packs its operands at every call, which for the few rows of a frame costs more than the product. Here a panel stays in
+//! the first-level cache while all rows pass it, and a tile of sums stays in registers.
 
 use pulp::{Arch, Simd, WithSimd};
 
@@ -17,18 +17,18 @@ pub struct Matrix {
 }
 
 impl Matrix {
-    /// Cuts a row-major `[inner, outer]` matrix.
+    /// Packs a row-major `[inner, outer]` matrix.
     pub fn new(inner: usize, values: &[f32]) -> Self {
         let mut matrix = Self::default();
         matrix.cut(inner, values);
         matrix
     }
 
-    /// The same in the place of another, whose memory it takes.
+    /// The same, reusing this matrix's memory.
     pub fn cut(&mut self, inner: usize, values: &[f32]) {
         let outer = values.len() / inner;
         let lanes = Arch::new().dispatch(Lanes);
-        // As few columns of zeros as may be; among equals the shape that loads least for a sum and leaves registers to spare.
+        // The shape with the fewest padding columns; among equals the one with the fewest loads per sum and registers to spare.
         let shapes = if lanes >= 16 { [3, 4, 2] } else { [2, 3, 4] };
         let wide = shapes.into_iter().min_by_key(|v| outer.next_multiple_of(v * lanes)).unwrap_or(3);
         let vectors = if outer > lanes { wide } else { 1 };
@@ -50,7 +50,7 @@ impl Matrix {
         *self = Self { inner, outer, vectors, panels };
     }
 
-    /// Cuts the transpose of a row-major `[outer, inner]` matrix.
+    /// Packs the transpose of a row-major `[outer, inner]` matrix.
     pub fn of_transpose(inner: usize, values: &[f32]) -> Self {
         let outer = values.len() / inner;
         let turned: Vec<f32> = (0..inner).flat_map(|k| (0..outer).map(move |row| values[row * inner + k])).collect();
@@ -113,7 +113,7 @@ impl WithSimd for Product<'_> {
     }
 }
 
-/// Rows of `x^T`'s inner side that stay near the processor while all columns pass them.
+/// Rows of the inner dimension of `x^T` that stay in cache while all columns pass them.
 const NEAR: usize = 48;
 
 impl Product<'_> {

@@ -1,4 +1,4 @@
-//! Programs on the CPU: forward for windows and for streams, and backward by weights and by tokens.
+//! Programs on the CPU: forward for windows and for streams; backward with respect to weights and tokens.
 //!
 //! Matrices are packed into panels when weights are loaded, with the preceding norms' weights folded in (`diag(w) W`); element-wise work
 //! runs with the widest vectors the processor has. Equal to burn's to rounding (`tests/program.rs`).
@@ -20,27 +20,27 @@ use super::{Op, Program, Slot, Weight};
 /// A program with weights.
 #[derive(Default)]
 pub struct Loaded {
-    /// What is done.
+    /// The operations.
     pub program: Program,
     flat: Vec<f32>,
     starts: Vec<usize>,
     /// By step, `diag(scale) W` where there is a scale.
     folded: Vec<Vec<f32>>,
-    /// By step, its matrix in panels, of nothing where it has none; and the transpose of that once it is asked for.
+    /// By step, its matrix in panels, empty where it has none; and its transpose once requested.
     panels: Vec<Matrix>,
     back: Vec<std::sync::OnceLock<Matrix>>,
-    /// By slot, the last step that looks at it.
+    /// By slot, the last step that reads it.
     ends: Vec<usize>,
-    /// The last step in which tokens look at each other or at their places.
+    /// The last step in which tokens are mixed or positions added.
     mixing: Option<usize>,
 }
 
 /// Activations of one thread, whose memory every pass uses again.
 #[derive(Default)]
 pub struct Memory {
-    /// Rows by slot; after a pass that does not keep them only the predictions.
+    /// Rows by slot; after a pass that does not keep them, the predictions alone.
     values: Vec<Vec<f32>>,
-    /// What the way back needs beside them, by step.
+    /// Other values that the backward pass needs, by step.
     aside: Vec<Vec<f32>>,
     spare: Vec<Vec<f32>>,
     attention: Attention,
@@ -48,21 +48,21 @@ pub struct Memory {
     slopes: Matrix,
 }
 
-/// What mixes the tokens of a stream: given the number of the attention in the program, from `[q k v]` to mixed values.
+/// Mixes the tokens of a stream: receives the index of the attention in the program, and maps `[q k v]` to mixed values.
 pub type Mix<'a> = &'a mut dyn FnMut(usize, &mut [f32], &mut Vec<f32>);
 
-/// Which tokens look at each other, and which are asked.
+/// Which tokens are mixed, and whose predictions are needed.
 pub enum Pass<'a> {
-    /// Windows of so many tokens; everything is kept for the way back.
+    /// Windows of this many tokens; everything is kept for the backward pass.
     Kept(usize),
-    /// Windows of so many tokens; predictions of these rows alone.
+    /// Windows of this many tokens; predictions of these rows alone.
     Windows(usize, &'a [usize]),
-    /// Tokens that something else mixes.
+    /// Tokens that the caller mixes.
     Stream(Mix<'a>),
 }
 
 impl Loaded {
-    /// Cuts the matrices of `flat`.
+    /// Packs the matrices of `flat`.
     pub fn new(program: Program, flat: &[f32]) -> Self {
         let mut ends = vec![0; program.widths.len()];
         program.steps.iter().enumerate().for_each(|(i, step)| [step.from, step.to].iter().for_each(|slot| ends[slot.0] = i));
@@ -73,7 +73,7 @@ impl Loaded {
         loaded
     }
 
-    /// Takes other weights.
+    /// Replaces the weights.
     pub fn load(&mut self, flat: &[f32]) {
         self.flat.clear();
         self.flat.extend_from_slice(flat);
@@ -106,7 +106,7 @@ impl Loaded {
         }
         memory.values[0].clear();
         memory.values[0].extend_from_slice(tokens);
-        // An activation takes the memory of what it is of; this is where that finds it again.
+        // An activation swapped buffers with its input; swap them back.
         for step in self.program.steps.iter().filter(|step| matches!(step.op, Op::Activate(_))) {
             if memory.values[step.from.0].capacity() == 0 {
                 memory.values.swap(step.from.0, step.to.0);
@@ -173,13 +173,13 @@ impl Loaded {
         values[from.0] = x;
     }
 
-    /// After the last attention, rows without a request are dropped.
+    /// After the last mixing step, rows whose predictions are not needed are dropped.
     fn narrow(&self, memory: &mut Memory, pass: &Pass) {
         let Pass::Windows(_, rows) = pass else { return };
         let newest = self.mixing.map_or(Slot(0), |i| self.program.steps[i].to);
         for (&width, x) in self.program.widths.iter().zip(&mut memory.values[..=newest.0]) {
             if x.len() > rows.len() * width {
-                // Rows come in order, so none is written over before it is read.
+                // Rows come in order, so none is overwritten before it is read.
                 rows.iter().enumerate().for_each(|(k, row)| x.copy_within(row * width..(row + 1) * width, k * width));
                 x.truncate(rows.len() * width);
             }
@@ -188,7 +188,7 @@ impl Loaded {
 }
 
 impl Pass<'_> {
-    /// Of a window.
+    /// Tokens of a window.
     fn tokens(&self) -> Option<usize> {
         match self {
             Self::Kept(tokens) | Self::Windows(tokens, _) => Some(*tokens),
@@ -201,7 +201,7 @@ fn add_to_rows(x: &mut [f32], row: &[f32]) {
     x.chunks_exact_mut(row.len()).for_each(|x| x.iter_mut().zip(row).for_each(|(x, r)| *x += r));
 }
 
-/// A spare buffer, of this length if there is one: another would have to be filled up first.
+/// A spare buffer, of this length if there is one: another would have to be filled first.
 fn taken(spare: &mut Vec<Vec<f32>>, length: usize) -> Vec<f32> {
     let found = spare.iter().position(|s| s.len() == length).or(spare.len().checked_sub(1));
     found.map(|i| spare.swap_remove(i)).unwrap_or_default()

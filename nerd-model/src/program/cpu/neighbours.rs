@@ -1,6 +1,6 @@
-//! Rows concatenated with those of neighbouring tokens in their window, forward and backward.
+//! Rows concatenated with the rows of neighbouring tokens in their window, forward and backward.
 
-/// `[x_{k-d} x_k x_{k+d}]` for rows of `width`, zeros beyond the ends of windows of so many tokens.
+/// `[x_{k-d} x_k x_{k+d}]` for rows of `width`, zeros beyond the ends of windows of `tokens` tokens.
 pub fn forward(x: &[f32], width: usize, tokens: usize, apart: usize, out: &mut Vec<f32>) {
     out.resize(3 * x.len(), 0.0);
     for (x, out) in x.chunks_exact(tokens * width).zip(out.chunks_exact_mut(3 * tokens * width)) {
@@ -15,7 +15,7 @@ pub fn forward(x: &[f32], width: usize, tokens: usize, apart: usize, out: &mut V
     }
 }
 
-/// Gradient in front of [`forward`] from the upstream one.
+/// Adjoint of [`forward`].
 pub fn backward(upstream: &[f32], width: usize, tokens: usize, apart: usize, dx: &mut Vec<f32>) {
     dx.clear();
     dx.resize(upstream.len() / 3, 0.0);
@@ -29,7 +29,7 @@ pub fn backward(upstream: &[f32], width: usize, tokens: usize, apart: usize, dx:
     }
 }
 
-/// Tokens beside the k-th, where there are some.
+/// The k-th token and its two neighbours, `None` beyond an end.
 fn places(k: usize, tokens: usize, apart: usize) -> [Option<usize>; 3] {
     [k.checked_sub(apart), Some(k), Some(k + apart).filter(|other| *other < tokens)]
 }

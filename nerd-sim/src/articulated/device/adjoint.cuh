@@ -22,7 +22,7 @@ struct Back {
     real guess[NV];
     unsigned early[IDLE];
     // Gradients, as those of slopes/row.rs.
-    real pose[NV], speed[NV], rate[NV], torque[NJ + 1], weight[WEIGHTS], braked[NJ + 1], share[NJ + 1];
+    real pose[NV], speed[NV], rate[NV], torque[NJ + 1], weight[WEIGHTS], braked[NJ + 1], share[NJ + 1], drives[PULLS][2];
     Wrench loads[NL], starts[NL];
     V3 way;
     // Motions of links, and gradients by them.
@@ -70,7 +70,7 @@ BIG void accelerations(const Tree& t, const real* qd, V3 gravity, Motion* out) {
 }
 
 // Begins with `-virtual . RNEA(q, qd, qdd)` at virtual rates b.own.
-BIG void adjoint_begin(const Tree& t, Back& b) {
+BIG void adjoint_begin(const Tree& t, Back& b, V3 gravity) {
     twists(t, b.own, b.virtuals);
     onward<0, NL>([&](auto i) {
         const Inertia inertia = body(t, i);
@@ -80,6 +80,17 @@ BIG void adjoint_begin(const Tree& t, Back& b) {
         b.by_quickened[i] = b.by_acceleration[i] = of_l * (real)-1;
         b.by_velocity[i] = cross(l, of_v) + of_y;
         b.loads[i] = b.loads[i] + cross(l, of_a) + cross(a, of_l) - cross(y, of_v) - cross(v, of_y);
+#if LIFTS
+        const V3 weight = gravity * LIFT(t)[4 * i], x = lifted(t, i), turned = cross(l.ang, weight);
+        b.by_virtual[i] = b.by_virtual[i] - wrench(cross(x, weight), weight);
+        b.loads[i] = b.loads[i] + wrench(cross(x, turned), turned);
+#endif
+        if (FREED && i == 0) {
+            b.by_virtual[0] = b.by_virtual[0] - drag(t, v);
+            b.by_velocity[0] = b.by_velocity[0] - drag(t, l);
+            const V3 x = t.position[0];
+            b.loads[0] = b.loads[0] - force_at((cross(at(v, x), l.ang) + cross(at(l, x), v.ang)) * (real)ROOT_DAMPING, x);
+        }
     });
 }
 

@@ -178,6 +178,14 @@ FN void resist(Along& f, int link, V3 x, V3 n, V3 force, double along, double ac
         }
 }
 
+#if TURNS
+// What the last solution does to how a link turns.
+FN V3 reached(const Along& f, int link) {
+    const double* a = f.acceleration[link];
+    return v3((real)a[0], (real)a[1], (real)a[2]);
+}
+#endif
+
 // What the last solution does to a point of a link.
 FN V3 reached(const Along& f, int link, V3 x) {
     const double* a = f.acceleration[link];

@@ -27,7 +27,7 @@ struct Keeper {
         if (number) return;
         b.twice = w.twice;
         b.once = w.once;
-        for (int k = 0; k < NV; k++) b.guess[k] = (w.middle[k] - kept.qd[k]) * (2 / h);
+        for (int k = 0; k < NV; k++) b.guess[k] = w.twice ? w.guess[k] : 0;
         for (int k = 0; k < IDLE; k++) b.early[k] = 0;
         for (int n = 0; DRIVEN && w.twice && n < w.touches + DRIVES; n++) b.early[n / 32] |= (unsigned)w.early[n] << n % 32;
     }
@@ -53,8 +53,10 @@ BIG int substep_back(Work& w, Back& b, int number, const double* scene, real h) 
     b.way = v3(0, 0, 0);
     twists(t, kept.qd, b.start);
     const real* before = number ? b.kept[number - 1].rate : b.guess;
-    for (int k = 0; k < NV; k++) w.middle[k] = kept.qd[k] + (real)0.5 * h * before[k];
-    stage_back(w, b, kept, kept.rate, kept.idle, h, false);
+    const bool spinning = spins(kept.qd, h);
+    for (int k = 0; k < NV; k++) w.middle[k] = kept.qd[k] + (real)0.5 * h * (spinning && k < 3 ? kept.rate[k] : before[k]);
+    if (spinning) spun_back(w, b, kept, h);
+    else stage_back(w, b, kept, kept.rate, kept.idle, h, false);
     if (number == 0 && b.twice) {
         // The first solve of a frame knew no rate, and gave that of the next one's middle.
         for (int k = 0; k < NV; k++) w.middle[k] = kept.qd[k];
@@ -85,12 +87,19 @@ BIG int frame_back(const double* state, const double* tau, const double* scene, 
     wrap(next);
     begin(b, next, by_next);
     const real h = (real)(FRAME / b.steps);
+    const bool ahead = HELD || DRIVEN || b.ahead;
+    if (ahead) centre_back(w.tree, b, next, -1);
+    w.tree.centre = CENTRED && ahead ? read3(COM(w.tree)) : v3(0, 0, 0);
     for (int number = b.steps - 1; number >= 0; number--) {
-        const int fault = HELD || DRIVEN || b.ahead ? substep_back(w, b, number, scene, h) : flight_back(w, b, b.kept[number], tau, h);
+        const int fault = ahead ? substep_back(w, b, number, scene, h) : flight_back(w, b, b.kept[number], tau, h);
         if (fault) return fault;
     }
+    if (ahead) centre_back(w.tree, b, state, 1);
     end(b, state, by_state);
     for (int i = 0; i < NJ; i++) by_tau[i] = b.torque[i];
+#if SERVO
+    servos_back(scene, b.drives, by_state, by_tau);
+#endif
     return 0;
 }
 

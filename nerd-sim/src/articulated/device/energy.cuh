@@ -15,14 +15,23 @@ BIG Energy energy(Work& w, const double* scene) {
         const V3 c = t.position[i] + r * read3(COM(t) + 3 * i), v = at(t.velocity[i], c), spin = back(r, t.velocity[i].ang);
         e.lively += 0.5 * (MASS(t)[i] * dot(v, v) + dot(spin, body * spin));
         if (!DOFS || i > 0) e.lively += 0.5 * ARMATURE(t)[i] * t.qd[DOF[i]] * t.qd[DOF[i]];
+#if LIFTS
+        const V3 x = lifted(t, i);
+        e.high += LIFT(t)[4 * i] * (w.gravity.x * (stands(w, 0) + x.x) + w.gravity.y * (stands(w, 1) + x.y) + w.gravity.z * (stands(w, 2) + x.z));
+#endif
         e.high -= MASS(t)[i] * (w.gravity.x * (stands(w, 0) + c.x) + w.gravity.y * (stands(w, 1) + c.y) + w.gravity.z * (stands(w, 2) + c.z));
     });
     for (int point = 0; point < NP; point++)
         for (int c = 0; c < w.surfaces; c++) {
+            if (!may(w, point, c)) continue;
             V3 n, nearest;
-            const real gap = least(meets(t, w.surface[c], point, n, nearest) - RADIUS[point], 0);
-            e.lively += 0.5 * w.surface[c].material[0] * gap * gap;
+            const real gap = least(meets(t, w.surface[c], point, n, nearest) - RADIUS[point] - margin(w, point, c), 0);
+            e.lively += 0.5 * (real)material(w, point, c)[0] * gap * gap;
         }
+    if (FOLDS)
+        meetings(t, 0, [&](int, int, const real*, real stiffness, real, real gap, V3, V3, V3) {
+            e.lively += 0.5 * stiffness * least(gap, 0) * least(gap, 0);
+        });
     for (int i = 0; i < NJ; i++) {
         const real* l = LIMIT + 4 * i;
         const double x = t.q[COORDS + i], stretched = SPRING[i] == 0 ? 0 : x - SLACK[i];

@@ -1,6 +1,6 @@
 // How an episode begins and what a robot's own controller makes of an action, as system/start.rs and control.rs have them. Tables: of the root,
 // ranges of PLACES, SPINS, SPEEDS and TILTS and the orientation POSE; of the joints, ranges STARTS_Q and STARTS_QD and MINUS (-1), KP, KD, GAIN,
-// REST; the scene APART_FROM in which a start stands clear by APART.
+// REST; the scene APART_FROM in which each point of a start stands clear by APART.
 
 // Numbers in [0, 1), one after the other.
 struct Draws { unsigned long long key[4], stream, block; unsigned words[16]; int at; };
@@ -68,6 +68,7 @@ FN real nearest(const Work& w, int point) {
     real least = infinite();
     for (int c = 0; c < w.surfaces; c++) {
         V3 normal, place;
+        if (!may(w, point, c)) continue;
         const real d = meets(w.tree, w.surface[c], point, normal, place);
         if (d < least) least = d;
     }
@@ -88,7 +89,7 @@ BIG void start(Draws& d, double* state) {
         Work w;
         settle(w, state, APART_FROM);
         bool clear = true;
-        for (int p = 0; p < NP; p++) clear = clear && nearest(w, p) >= APART;
+        for (int p = 0; p < NP; p++) clear = clear && nearest(w, p) >= APART[p];
         if (clear) return;
     }
 }
@@ -97,8 +98,7 @@ BIG void start(Draws& d, double* state) {
 // The lowest place of a contact point, from the root along `up`, and how far above ground that is not flat.
 FN void lowest(Work& w, const double* state, const double* scene, V3 up, real& low, real& above) {
     settle(w, state, scene);
-    int ground = 0;
-    while (w.surface[ground].kind != 4) ground++;
+    const int ground = (int)((terrain(scene) - scene) / COLLIDER);
     low = above = infinite();
     for (int p = 0; p < NP; p++) {
         V3 normal, nearest;
@@ -118,7 +118,7 @@ BIG void strewn(Draws& d, double* state, const double* scene) {
     lowest(w, state, scene, up, low, none);
     if (NP == 0) return;
     for (int k = 0; k < 3; k++) low += (k == 0 ? up.x : k == 1 ? up.y : up.z) * (state[k] - f[10 + k]);
-    const double x = g[0] * g[1] * one(d), y = g[0] * g[2] * one(d);
+    const double x = g[GRID_CELLS] * g[GRID_NODES] * one(d), y = g[GRID_CELLS + 1] * g[GRID_NODES + 1] * one(d);
     double by[3];
     for (int pass = 0; pass < 2; pass++) {
         for (int k = 0; k < 3; k++) by[k] = pass == 0 ? f[1 + 3 * k] * x + f[2 + 3 * k] * y : f[3 + 3 * k] * (low - above);

@@ -1,7 +1,8 @@
 //! Starts and the robot's own controller, as kernels for episodes on a device.
 
 use super::own::Own;
-use super::program::{Reach, Real, functions, record};
+use super::program::{Reach, Real, functions};
+use super::records::alone;
 use super::text::number;
 use crate::disturb::{NOISES, PUSHES, blocks, every, level};
 use crate::prelude::*;
@@ -26,12 +27,13 @@ pub fn episode(system: &System, reach: Reach) -> Result<String, String> {
     if let Some(scene) = apart.as_ref().filter(|scene| scene.colliders.len() > colliders) {
         return Err(format!("starts stand clear of scene `{}`, which has more colliders than the {colliders} of this one", scene.name));
     }
-    let record = apart.map(|scene| record(&scene, system, Reach { own: Own::default(), ..reach })).transpose()?;
+    let record = apart.map(|scene| alone(&scene, system, Reach { own: Own::default(), ..reach })).transpose()?;
     let control = system.spec.control.as_ref();
     let mut text = functions(system, &config, Real::F64, reach, false);
     text.define([("MOST_DRAWS", DRAWS)]);
-    let flags = [("RELATIVE", control.is_some_and(|c| c.relative)), ("AHEAD", control.is_some_and(|c| c.ahead))];
-    let more = [("CLAMPED", control.is_some_and(|c| c.clamp)), ("CONTROLLED", control.is_some()), ("CLEARS", record.is_some())];
+    let flags = [("RELATIVE", control.is_some_and(|c| c.relative)), ("AHEAD", !reach.servo && control.is_some_and(|c| c.ahead))];
+    let more =
+        [("CLAMPED", !reach.servo && control.is_some_and(|c| c.clamp)), ("CONTROLLED", control.is_some()), ("CLEARS", record.is_some())];
     text.define(flags.into_iter().chain(more).map(|(name, on)| (name, i32::from(on))));
     let [blurred, lagged] = reach.own.sensed();
     text.define([("BLURRED", blurred), ("LAGGED", lagged)].map(|(name, on)| (name, i32::from(on))));
@@ -41,7 +43,7 @@ pub fn episode(system: &System, reach: Reach) -> Result<String, String> {
             .map(|(name, n)| (name, format!("{n}"))),
     );
     text.define([("LATEST", LATEST), ("PI", std::f64::consts::PI)]);
-    text.define([("APART", clear.unwrap_or(0.0)), ("ACTION_SCALE", control.map_or(0.0, |c| c.scale))].map(|(name, x)| (name, number(x))));
+    text.define([("ACTION_SCALE", number(control.map_or(0.0, |c| c.scale)))]);
     let mut numbers = |name: &str, values: Vec<f64>| text.table("double", name, values);
     let ends = |range: &Range| [range.low, range.high];
     let root = system.spec.root.as_ref();
@@ -52,6 +54,7 @@ pub fn episode(system: &System, reach: Reach) -> Result<String, String> {
     numbers("SPEEDS", law.map_or(Vec::new(), |l| l.linear.iter().flat_map(ends).collect()));
     numbers("TILTS", law.map_or(Vec::new(), |l| ends(&l.tilt).to_vec()));
     numbers("APART_FROM", record.unwrap_or_default());
+    numbers("APART", clear.unwrap_or_default());
     let specs = &system.spec.joints;
     numbers("STARTS_Q", specs.iter().flat_map(|s| ends(&s.reset.q)).collect());
     numbers("STARTS_QD", specs.iter().flat_map(|s| ends(&s.reset.qd)).collect());

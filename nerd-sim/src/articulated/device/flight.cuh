@@ -56,7 +56,7 @@ BIG void rate_back(Work& w, Back& b, const double* rate, const double* by, doubl
     unload(b.loads);
     accelerations(t, t.qd, w.gravity, b.acceleration);
     twists(t, b.qdd, b.quickened);
-    adjoint_begin(t, b);
+    adjoint_begin(t, b, w.gravity);
     adjoint_end(t, b, t.qd, b.speed);
     gather(t, b.loads, b.pose);
     // Nothing knows where its root is.

@@ -1,5 +1,5 @@
-// Links of a robot on each other, as articulated/fold.rs, where the law is. FOLDS pairs, each FOLD_LINKS and FOLD_EASE; by link FOLD_OWN (first of
-// its capsules, and end) and FOLD_BALL (centre, radius); CAPSULE: middle, half, radius; FOLD_MATERIAL.
+// Links of a robot on each other, as articulated/fold.rs, where the law is. FOLDS pairs of parts, each FOLD_PARTS, FOLD_EASE and FOLD_MATERIAL (with a
+// margin); by part FOLD_LINK, FOLD_OWN (first of its capsules, and end) and FOLD_BALL (centre, radius); CAPSULE: middle, half, radius.
 
 struct Capsule { V3 middle, half; real radius; };
 
@@ -26,37 +26,44 @@ FN real meets(const Capsule& a, const Capsule& b, V3& normal, V3& place) {
     return distance - reach;
 }
 
-// Into w.external, what links do to each other in a substep h in whose middle they are now; `whole` is the frame's.
-BIG void fold(Work& w, real whole, real h) {
-    const Tree& t = w.tree;
-    for (int i = 0; i < NL; i++) w.external[FOLDS ? i : 0] = wrench(v3(0, 0, 0), v3(0, 0, 0));
+// The substep that a frame begins with, before its energy asks for shorter ones.
+constexpr real WHOLE = (real)(FRAME / CONTACT_SUBSTEPS);
+
+// met(a, b, m, stiffness, bound, gap, n, x, v) for what of links a and b may meet within half a time h: numbers of their material, stiffness, the bound
+// of dampings; gap and its gradient when a moves; where; how a moves there.
+template <class F> FN void meetings(const Tree& t, real h, const F& met) {
     for (int p = 0; p < FOLDS; p++) {
-        const int a = FOLD_LINKS[2 * p], b = FOLD_LINKS[2 * p + 1];
-        const V3 one = t.position[a] + t.rotation[a] * read3(FOLD_BALL + 4 * a), other = t.position[b] + t.rotation[b] * read3(FOLD_BALL + 4 * b);
-        const real reach = FOLD_BALL[4 * a + 3] + FOLD_BALL[4 * b + 3];
+        const int first = FOLD_PARTS[2 * p], second = FOLD_PARTS[2 * p + 1], a = FOLD_LINK[first], b = FOLD_LINK[second];
+        const real *m = FOLD_MATERIAL(t) + 6 * p, *balls[2] = {FOLD_BALL + 4 * first, FOLD_BALL + 4 * second};
+        const V3 one = t.position[a] + t.rotation[a] * read3(balls[0]), other = t.position[b] + t.rotation[b] * read3(balls[1]);
+        const real reach = balls[0][3] + balls[1][3];
         const Motion twist = t.velocity[a] + t.velocity[b] * (real)-1;
-        const real way = (real)0.5 * h * (norm(at(twist, one)) + norm(twist.ang) * reach);
+        const real way = (real)0.5 * h * (norm(at(twist, one)) + norm(twist.ang) * reach) + m[4];
         if (norm(one - other) > reach + way) continue;
-        const real ease = whole * FOLD_EASE(t)[p], bound = FOLLOWED / ease;
-        const real stiffness = least(FOLD_MATERIAL(t)[0], STIFFEST / ease / whole), damping = least(FOLD_MATERIAL(t)[1], bound);
-        const real friction_damping = least(FOLD_MATERIAL(t)[2], bound);
-        Wrench sum = wrench(v3(0, 0, 0), v3(0, 0, 0));
-        for (int k = FOLD_OWN[2 * a]; k < FOLD_OWN[2 * a + 1]; k++) {
+        const real ease = WHOLE * FOLD_EASE(t)[p], stiffness = least(m[0], STIFFEST / ease / WHOLE);
+        for (int k = FOLD_OWN[2 * first]; k < FOLD_OWN[2 * first + 1]; k++) {
             const Capsule mine = placed(t, a, k);
-            if (norm(mine.middle - other) > norm(mine.half) + mine.radius + FOLD_BALL[4 * b + 3] + way) continue;
-            for (int l = FOLD_OWN[2 * b]; l < FOLD_OWN[2 * b + 1]; l++) {
+            if (norm(mine.middle - other) > norm(mine.half) + mine.radius + balls[1][3] + way) continue;
+            for (int l = FOLD_OWN[2 * second]; l < FOLD_OWN[2 * second + 1]; l++) {
                 V3 n, x;
-                real gap = meets(mine, placed(t, b, l), n, x), part;
-                const V3 v = at(twist, x);
-                const real vn = dot(n, v);
-                if (!inside(gap, (real)0.5 * h * vn, part)) continue;
-                const real normal = -(part * stiffness * gap + part * damping * least(vn, 0));
-                const V3 slip = v - n * vn;
-                const V3 f = n * normal - slip * drag(normal, norm(slip), part * friction_damping, FOLD_MATERIAL(t)[3]);
-                sum = sum + wrench(cross(x, f), f);
+                const real gap = meets(mine, placed(t, b, l), n, x) - m[4];
+                met(a, b, m, stiffness, FOLLOWED / ease, gap, n, x, at(twist, x));
             }
         }
-        w.external[a] = w.external[a] + sum;
-        w.external[b] = wrench(w.external[b].ang - sum.ang, w.external[b].lin - sum.lin);
     }
+}
+
+// Into w.external, what links do to each other in a substep h in whose middle they are now.
+BIG void fold(Work& w, real h) {
+    for (int i = 0; i < NL; i++) w.external[FOLDS ? i : 0] = wrench(v3(0, 0, 0), v3(0, 0, 0));
+    meetings(w.tree, h, [&](int a, int b, const real* m, real stiffness, real bound, real gap, V3 n, V3 x, V3 v) {
+        const real vn = dot(n, v), damping = least(m[1], bound), friction_damping = least(m[2], bound);
+        real part;
+        if (!inside(gap, (real)0.5 * h * vn, part)) return;
+        const real normal = most(0, -(part * stiffness * gap + part * (vn < 0 ? damping : least(stiffness * m[5], bound)) * vn));
+        const V3 slip = v - n * vn, f = n * normal - slip * drag(normal, norm(slip), part * friction_damping, m[3]), turn = cross(x, f);
+        w.external[a] = w.external[a] + wrench(turn, f);
+        w.external[b] = wrench(w.external[b].ang - turn, w.external[b].lin - f);
+        w.eventful = true;
+    });
 }

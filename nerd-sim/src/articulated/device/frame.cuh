@@ -15,6 +15,7 @@ FN void take(Tree& t, const double* state) {
     about(state, qd, 1);
     for (int k = 0; k < NQ; k++) t.q[k] = state[k];
     for (int k = 0; k < NV; k++) t.qd[k] = (real)qd[k];
+    t.centre = v3(0, 0, 0);
 }
 
 // Writes the tree's state, if it is one; 0 or GONE.
@@ -50,14 +51,15 @@ BIG int attempt(Work& w, const double* state, const double* tau, const double* s
     e.looked = false;
     e.soft = -1;
     for (int i = 0; i < NJ; i++) e.weight[i] = -1;
-    const int done = runge_kutta(w, e, scene, tau, SUBSTEPS * finer, keeper);
+    const int more = DOFS ? turned(norm(read3(w.tree.qd)) * (real)(FRAME / (SUBSTEPS * finer)), K::most / (SUBSTEPS * finer)) : 1;
+    const int done = runge_kutta(w, e, scene, tau, SUBSTEPS * finer * more, keeper);
     if (done != STIFF) return done;
     take(w.tree, state);
     return implicit(w, scene, forces, MOST_SUBSTEPS * finer, keeper);
 }
 
 // Times as many substeps that the frame from `state` to where the tree is, in so many of them, needs to give no energy.
-BIG int refine(Work& w, const double* state, const double* scene, int substeps) {
+BIG int refine(Work& w, const double* state, const double* scene, int substeps, int finest) {
     Tree& t = w.tree;
     double q[NQ], work = w.work, effort = w.effort, mass = 0;
     real qd[NV];
@@ -78,10 +80,8 @@ BIG int refine(Work& w, const double* state, const double* scene, int substeps) 
     const double gain = after.lively - before.lively + (after.high - before.high) - work;
     const double lively = before.lively > after.lively ? before.lively : after.lively;
     double allowed = SHARE * lively + LABOUR * effort + FALL * fallen;
-    bool terrain = false;
-    for (int c = 0; FIELDS && c < w.surfaces; c++) terrain = terrain || w.surface[c].kind == 4;
     int times = 1;
-    for (; !(gain <= allowed) && times * substeps < (terrain ? ROUGHEST : FINEST); times *= 2) allowed *= 4;
+    for (; !(gain <= allowed) && times * substeps < finest; times *= 2) allowed *= 4;
     return times;
 }
 
@@ -89,13 +89,15 @@ BIG int refine(Work& w, const double* state, const double* scene, int substeps) 
 // energy is stepped anew with more substeps.
 template <class K>
 BIG int moved(Work& w, const double* state, const double* tau, const double* scene, const double* drives, double* forces, const K& keeper) {
-    bool eventful = false;
-    ask(w, tau, drives);
+    bool eventful = false, terrain = false;
+    ask(w, state, tau, scene, drives);
     for (int finer = 1;;) {
         const int done = attempt(w, state, tau, scene, forces, finer, keeper), substeps = MOST_SUBSTEPS * finer;
-        if (!WATCHED || substeps >= FINEST || 2 * substeps > K::most) return done;
+        for (int c = 0; FIELDS && c < w.surfaces; c++) terrain = terrain || w.surface[c].kind == 4;
+        const int finest = terrain ? ROUGHEST : FINEST;
+        if (!WATCHED || substeps >= (done ? FINEST : finest) || 2 * substeps > K::most) return done;
         eventful = eventful || w.eventful;
-        int times = done ? 2 : eventful ? refine(w, state, scene, substeps) : 1;
+        int times = done ? 2 : eventful ? refine(w, state, scene, substeps, finest) : 1;
         while (times * substeps > K::most) times /= 2;
         if (times == 1) return 0;
         finer *= times;

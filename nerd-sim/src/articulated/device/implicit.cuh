@@ -82,9 +82,12 @@ BIG bool weigh(Work& w, real h) {
         const real vn = dot(t.normal, t.velocity);
         // Beyond its surface for a part of the substep, if its gap at one end is positive.
         if (t.gap + (real)0.5 * h * size(vn) > 0) w.eventful = true;
-        if (vn >= 0 && !t.sticky) t.damping = 0;
+        if (vn >= 0 && !t.sticky) t.damping = t.stiffness * t.release;
         const real normal = most(-(t.stiffness * t.gap + t.damping * vn), 0);
         t.across = drag(normal, norm(t.velocity - t.normal * vn), t.friction_damping, t.friction);
+#if TURNS
+        if (turns(t)) turn_drags(t, normal, t.spin, t.about, t.turning);
+#endif
         t.ahead[0] = foresight(h * h * t.stiffness * weight);
         t.ahead[1] = most(1 - 1 / (h * t.damping * weight), (real)0.5);
         t.ahead[2] = most(1 - 1 / (h * t.across * weight), (real)0.5);
@@ -132,16 +135,22 @@ BIG int accelerate_ahead(Work& w, real h, bool correct, real settled) {
     Tree& tr = w.tree;
     share(w, h);
     w.twice = false;
-    bool stale = true, corrected = false, quiet = false, found = true;
-    V3 turned = v3(0, 0, 0);
-    for (int pass = 0; pass < PASSES; pass++) {
+    bool all = true, stale = true, corrected = false, quiet = false, found = true, turns = false;
+    V3 turned = v3(0, 0, 0), next = turned;
+    const bool spinning = spins(tr.qd, h);
+    Spin whole;
+    if (spinning) whole = spin(tr);
+    w.eventful = w.eventful || spinning;
+    for (int pass = 0; pass < PASSES + (spinning ? SPINS : 0); pass++) {
         if (stale) {
-            if (pass) {
+            if (all && pass) {
                 w.twice = true;
                 w.once = pass == 1;
+                for (int k = 0; k < NV; k++) w.guess[k] = w.rate[k];
                 for (int k = 0; DRIVEN && k < w.touches + DRIVES; k++) w.early[k] = idle(w, k);
             }
-            onward<0, NV>([&](auto k) { w.middle[k] = tr.qd[k] + (real)0.5 * h * w.rate[k]; });
+            if (all) onward<0, NV>([&](auto k) { w.middle[k] = tr.qd[k] + (real)0.5 * h * w.rate[k]; });
+            if (turns) { w.middle[0] = next.x; w.middle[1] = next.y; w.middle[2] = next.z; }
             bias(tr, w.middle, w.gravity, FOLDS ? w.external : 0);
             // The derivative of a velocity that moves along is the spatial acceleration and w x v.
             if (DOFS) turned = cross(v3(w.middle[0], w.middle[1], w.middle[2]), v3(w.middle[3], w.middle[4], w.middle[5]));
@@ -166,12 +175,14 @@ BIG int accelerate_ahead(Work& w, real h, bool correct, real settled) {
         if (DOFS) {
             w.rate[3] += turned.x; w.rate[4] += turned.y; w.rate[5] += turned.z;
         }
-        if (!changed && !correct) return 1;
         // The rate that an unbounded drive would give says nothing of the middle.
         const bool wait = DRIVEN && changed;
-        stale = correct && !wait;
+        turns = spinning && !(correct && wait) && spun(whole, tr.qd, w.middle, w.rate, h, next);
+        if (!changed && !correct && !turns) return 1;
+        all = correct && !wait;
         correct = correct && wait;
-        corrected = corrected || stale;
+        corrected = corrected || all;
+        stale = all || turns;
     }
     w.eventful = true;
     return found;
@@ -185,6 +196,7 @@ BIG int implicit(Work& w, const double* scene, double* forces, int substeps, con
     int halved = 0, done = 0;      // how often this substep is; parts of the whole one that are behind
     real shared = 0;               // the length for which dampers are known
     keeper.begin(true, substeps);
+    centre(tr, 1);
     for (int k = 0; k < WEIGHTS; k++) w.weight[k] = -1;
     for (int substep = 0; substep < substeps;) {
         const bool first = substep == 0 && done == 0;
@@ -195,7 +207,7 @@ BIG int implicit(Work& w, const double* scene, double* forces, int substeps, con
         kinematics(tr);
         see(w, scene);
         if (!find(w, h)) return LOST;
-        if (FOLDS) fold(w, (real)(FRAME / substeps), h);
+        if (FOLDS) fold(w, h);
         if (!ALONG) crba(tr);
         w.plain = false;
         if (shared != h) {
@@ -236,5 +248,6 @@ BIG int implicit(Work& w, const double* scene, double* forces, int substeps, con
         while (halved > 0 && done % (2 * whole >> halved) == 0) halved--;
         if (done == whole) { done = 0; substep++; }
     }
+    centre(tr, -1);
     return 0;
 }

@@ -44,7 +44,7 @@ template <class T> FN bool parted(real gap, real half, T by_part, T& by_gap, T& 
 // Of a point's force: by `h J qdd` and by `h w x v`; by its velocity at the start and what that bends by; by the gap in the middle; by w.
 struct Law { V3 force, by_gap, by_weight; M3 by_change, by_velocity, by_bend; };
 
-BIG void contact_law(const Touch& t, V3 change, real weight, real h, bool first, bool even, const real* material, Law& law) {
+template <class M> BIG void contact_law(const Touch& t, V3 change, real weight, real h, bool first, bool even, const M* material, Law& law) {
     const V3 n = t.normal;
     const real k = t.stiffness, d = t.damping, spring = t.ahead[0], damper = t.ahead[1], slide = t.ahead[2];
     change = change + t.turn * h;
@@ -80,13 +80,50 @@ BIG void contact_law(const Touch& t, V3 change, real weight, real h, bool first,
     by_d = by_d - normal_then * vn_then;
     by_drag = by_drag + by_then * then.by_damping;
     V3 by_vn = normal_then * -d, by_half;
-    const V3 by_part = by_k * material[0] + by_d * (vn_then < 0 ? material[1] : 0) + by_drag * material[2];
+    const V3 by_part = by_k * (real)material[0] + by_d * (real)(vn_then < 0 ? material[1] : material[0] * material[7]) + by_drag * (real)material[2];
     if (parted(t.gap, (real)0.5 * h * vn_then, by_part, by_gap, by_half)) by_vn = by_vn + by_half * ((vn_then < 0 ? -1 : 1) * (real)0.5 * h);
     law.by_gap = by_gap;
     law.by_velocity = sum(by_start, outer(by_vn, n), 1);
     if (speed_then > 0) law.by_velocity = sum(law.by_velocity, outer(by_then, slip_then), then.by_speed / speed_then);
     for (int i = 0; i < 9; i++) law.by_bend.m[i] = (law.by_change.m[i] - (real)0.5 * by_start.m[i]) * h;
 }
+
+#if TURNS
+// Of a point's torque, as articulated/slopes/turn.rs: by the change `h J qdd` of its link's turn, by that at the start; by the normal force, which is that
+// of the law, or with `first` that of the substep's start, by the gap in the middle and by the velocity along the normal.
+struct TurnLaw { V3 torque, by_press; M3 by_change, by_spin; real by_gap, by_vn; };
+
+template <class M> BIG void turn_law(const Touch& t, V3 change, real h, bool first, const M* material, const Law& law, TurnLaw& own) {
+    const V3 n = t.normal, seen = t.spin + change, spin = first ? t.spin : seen;
+    real press = most(dot(n, law.force), 0);
+    own.by_gap = own.by_vn = 0;
+    if (first) {
+        const real vn = dot(n, t.velocity);
+        press = -(t.stiffness * t.gap + t.damping * vn);
+        if (press > 0) {
+            real by_half;
+            own.by_gap = -t.stiffness; own.by_vn = -t.damping;
+            const real by_part = -t.gap * (real)material[0] - vn * (real)(vn < 0 ? material[1] : material[0] * material[7]);
+            if (parted(t.gap, (real)0.5 * h * vn, by_part, own.by_gap, by_half)) own.by_vn += by_half * (vn < 0 ? -1 : 1) * (real)0.5 * h;
+        } else {
+            press = 0;
+        }
+    }
+    const real about = dot(n, seen), about_then = dot(n, spin);
+    const V3 across = seen - n * about, across_then = spin - n * about_then;
+    const real fast = size(about_then), faster = norm(across_then), ease = 1 / most(fast, CREEP), ease_across = 1 / most(faster, CREEP);
+    const real drag = t.torsion * press * ease, drag_across = t.rolling * press * ease_across;
+    const V3 by_fast = fast > CREEP ? n * (-drag / about_then) : v3(0, 0, 0);
+    const V3 by_faster = faster > CREEP ? across_then * (-drag_across / (faster * faster)) : v3(0, 0, 0);
+    const M3 nn = outer(n, n);
+    for (int i = 0; i < 9; i++) own.by_spin.m[i] = nn.m[i] * (drag_across - drag) - (i % 4 == 0 ? drag_across : 0);
+    own.torque = own.by_spin * seen;
+    own.by_change = own.by_spin;
+    own.by_spin = sum(sum(own.by_spin, outer(n, by_fast), -about), outer(across, by_faster), -1);
+    if (!first) own.by_change = own.by_spin;
+    own.by_press = n * (-about * ease * t.torsion) - across * (ease_across * t.rolling);
+}
+#endif
 
 // Of a torque at a joint: by `h qdd`, by its coordinate and rate, by w.
 struct JointLaw { real by_change, by_gap, by_rate, by_weight; };

@@ -57,6 +57,24 @@ FN real meets(const Tree& t, const Surface& s, int point, V3& normal, V3& neares
     if (!LOCI || LOCUS[point] == 0) return distance(s, middle(t, point), normal, nearest);
     if (s.kind == 1) return distance(s, facing(t, point, s.normal, true), normal, nearest);
     V3 n;
+#if HULLS
+    if (s.kind == 6) {
+        // Of planes that touch the hull the one that the link is farthest over, or least under.
+        real best = -infinite();
+        V3 p;
+        distance(s, middle(t, point), n, p);
+        normal = n;
+        nearest = p;
+        for (int k = 0; k < SEARCHES; k++) {
+            const V3 place = facing(t, point, n, true);
+            const real d = dot(n, place - p);
+            if (!(d <= best)) { best = d; normal = n; nearest = p; }
+            distance(s, place, n, p);
+            if (!(norm(n) > 0)) break;
+        }
+        return best;
+    }
+#endif
     distance(s, middle(t, point), n, nearest);
     real least = infinite();
     for (int k = 0; k < SEARCHES; k++) {

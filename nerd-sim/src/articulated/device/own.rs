@@ -12,10 +12,11 @@ type Changes = fn(&VarySpec) -> bool;
 
 /// Names of tables, and what changes them: first those that a solver reads from its tree, then from [`SOLVERS`] on those that are read where they are,
 /// by what surrounds it.
-const TABLES: [(&str, Changes); 19] = [
+const TABLES: [(&str, Changes); 20] = [
     ("MASS", |v| v.mass.is_some()),
     ("COM", |v| v.com.is_some()),
     ("BODY", |v| v.mass.is_some() || v.inertia.is_some()),
+    ("LIFT", |v| v.mass.is_some() || v.com.is_some()),
     ("ARMATURE", |v| v.armature.is_some()),
     ("DAMPING", damping),
     ("DRY", |v| v.joint_damping.is_some() || v.dry_friction.is_some()),
@@ -33,11 +34,11 @@ const TABLES: [(&str, Changes); 19] = [
     ("NOISE", VarySpec::noisy),
     ("LAG", |v| v.lag.is_some()),
 ];
-const SOLVERS: usize = 10;
+const SOLVERS: usize = 11;
 /// Those of motors and what joints' sensors show, of noise, and of lateness.
-const MOTORS: [usize; 5] = [12, 13, 14, 15, 16];
-const NOISE: usize = 17;
-const LAG: usize = 18;
+const MOTORS: [usize; 5] = [13, 14, 15, 16, 17];
+const NOISE: usize = 18;
+const LAG: usize = 19;
 /// Says that robots differ, if in no table.
 const FAMILY: u32 = 1 << 31;
 
@@ -74,9 +75,14 @@ impl Own {
         [NOISE, LAG].map(|k| self.has(k))
     }
 
+    /// Whether centres of mass do.
+    pub(super) fn centred(self) -> bool {
+        self.has(1)
+    }
+
     /// Whether dry friction does.
     pub(super) fn dry(self) -> bool {
-        self.has(5)
+        self.has(6)
     }
 
     /// Writes the tables of a robot before others of its family, or alone: those of a solver in `real`, or those of what surrounds it.
@@ -119,8 +125,18 @@ impl Own {
     }
 }
 
+/// Whether weight is taken off some link.
+pub(super) fn lifts(robot: &Robot) -> bool {
+    robot.links.iter().any(|link| link.lifted.mass != 0.0)
+}
+
+/// Numbers of a material by which links meet each other.
+fn fold(m: &Material) -> [f64; 6] {
+    [m.stiffness, m.damping, m.friction_damping, m.friction, m.margin, m.release]
+}
+
 fn tables(system: &System) -> [Vec<f64>; TABLES.len()] {
-    let (robot, bounds, m, motors) = (&system.robot, Bounds::new(system), &system.spec.material, &system.motors);
+    let (robot, bounds, motors) = (&system.robot, Bounds::new(system), &system.motors);
     let links = |of: &dyn Fn(&Link) -> Vec<f64>| robot.links.iter().flat_map(of).collect::<Vec<f64>>();
     let joints = |of: fn(&Joint) -> f64| robot.joints().map(of).collect::<Vec<f64>>();
     let each = |own: &[f64], default: f64| if own.is_empty() { vec![default; robot.joint_count()] } else { own.to_vec() };
@@ -128,13 +144,14 @@ fn tables(system: &System) -> [Vec<f64>; TABLES.len()] {
         links(&|l| vec![l.inertia.mass]),
         links(&|l| l.inertia.com.as_slice().to_vec()),
         links(&|l| l.inertia.inertia.transpose().as_slice().to_vec()),
+        if lifts(robot) { links(&|l| [&[l.lifted.mass], l.lifted.at.as_slice()].concat()) } else { Vec::new() },
         links(&|l| vec![l.joint.as_ref().map_or(0.0, |j| j.ratio().powi(2) * j.armature)]),
         joints(|j| j.damping),
         joints(|j| j.friction),
         bounds.least,
         vec![bounds.damped],
         bounds.folds,
-        vec![m.stiffness, m.damping, m.friction_damping, m.friction],
+        (0..system.folds.pairs.len()).flat_map(|k| fold(&system.folding(k))).collect(),
         system.joint_specs().map(|j| j.kp).collect(),
         system.joint_specs().map(|j| j.kd).collect(),
         vec![motors.delay],

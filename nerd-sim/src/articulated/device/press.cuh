@@ -49,6 +49,16 @@ BIG bool pressed(Work& w, real h) {
             const V3 d = resisted(p, t.normal, a[i]);
             upward(i, [&](auto j) { l[LOWER(i, j)] += dot(a[j], d); });
         });
+#if TURNS
+        if (!turns(t)) return;
+        const V3 torque = turn_torque(t, t.spin);
+        spins(tr, link, a);
+        upward(last_dof(link), [&](auto i) {
+            x[i] += dot(a[i], torque);
+            const V3 d = turn_torque(t, a[i]) * -h;
+            upward(i, [&](auto j) { l[LOWER(i, j)] += dot(a[j], d); });
+        });
+#endif
     });
     if (!factorise(tr, l)) return false;
     half(l, x);
@@ -70,6 +80,17 @@ BIG bool pressed_along(Work& w, real h) {
         if (t.parted) continue;
         const Push p = push(t, h);
         resist(w.along, t.link, t.x, t.normal, p.force, p.along, p.across);
+#if TURNS
+        if (!turns(t)) continue;
+        const V3 torque = turn_torque(t, t.spin);
+        const double pull[3] = {torque.x, torque.y, torque.z};
+        for (int c = 0; c < 3; c++) {
+            const V3 d = turn_torque(t, unit(c)) * -h;
+            const double column[3] = {d.x, d.y, d.z};
+            w.along.force[t.link][c] -= pull[c];
+            for (int r = c; r < 3; r++) w.along.inertia[t.link][LOWER(r, c)] += column[r];
+        }
+#endif
     }
     for (int k = w.points; k < w.touches; k++) {
         const Touch& t = w.touch[k];
@@ -105,6 +126,15 @@ BIG bool judge(Work& w, real h, real settled) {
         const real across = drag(most(normal, 0), norm(slip), t.friction_damping, t.friction);
         changed = changed || t.parted || size(across / t.across - 1) > settled;
         t.across = across;
+#if TURNS
+        if (!turns(t)) continue;
+        const V3 turned = ALONG ? reached(w.along, t.link) : twist[t.link].ang;
+        real about, turning;
+        turn_drags(t, t.parted ? 0 : normal, t.spin + turned * h, about, turning);
+        const auto differs = [&](real now, real before) { return size(now - before) > settled * most(before, (real)1e-12); };
+        changed = changed || differs(about, t.about) || differs(turning, t.turning);
+        t.about = about; t.turning = turning;
+#endif
     }
     for (int k = w.points; k < w.touches; k++) {
         Touch& t = w.touch[k];

@@ -2,6 +2,7 @@
 //!
 //! The text is CUDA C++ for NVRTC. Any C++ compiler accepts it too, so the kernels are tested without a GPU.
 
+use nalgebra::Point3;
 use nerd_core::dynamics::Factor;
 
 use super::super::along::{along, chained};
@@ -9,15 +10,16 @@ use super::super::energy::{FALL, FINEST, LABOUR, ROUGHEST, SHARE, WHIRL, WHIRL_R
 use super::super::fold::FOLLOWED;
 use super::super::implicit::{CALM, HALVINGS};
 use super::super::kick::{LOST as FAR_OFF, OFF, PASSES, SETTLED};
+use super::super::spin::{ROUND, SPINS, SPUN, SPUN_RK4};
 use super::super::stiff::{MOST, MOST_RK4, POWERS};
 use super::super::touch::{CREEP, EVEN};
-use super::own::Own;
+use super::own::{Own, lifts};
 use super::text::{Text, number};
 use crate::prelude::*;
 use crate::system::capsules::{BARREL, Capsule};
 use crate::system::motors::{LATEST, WAVES};
 
-const KERNELS: [&str; 14] = [
+const KERNELS: [&str; 15] = [
     include_str!("linear.cuh"),
     include_str!("surface.cuh"),
     include_str!("walk.cuh"),
@@ -28,6 +30,7 @@ const KERNELS: [&str; 14] = [
     include_str!("touch.cuh"),
     include_str!("fold.cuh"),
     include_str!("press.cuh"),
+    include_str!("spin.cuh"),
     include_str!("implicit.cuh"),
     include_str!("explicit.cuh"),
     include_str!("energy.cuh"),
@@ -35,8 +38,9 @@ const KERNELS: [&str; 14] = [
 ];
 const ALONE: [&str; 2] = [include_str!("rig.cuh"), include_str!("alone.cuh")];
 
-/// Numbers of a collider in a scene's record.
-pub(super) const COLLIDER: usize = 20;
+/// Numbers of a material, and of a collider with it, in a scene's record.
+const MATERIAL: usize = 8;
+pub(super) const COLLIDER: usize = 16 + MATERIAL;
 /// The most steps of a factorisation that are written one by one into the text.
 const WALKS: usize = 4000;
 /// What a frame says beyond `1 + DoF` of a mass matrix that is none: a distance that is not a number, a state that is none.
@@ -60,8 +64,16 @@ pub struct Reach {
     pub colliders: usize,
     /// Whether there are drives.
     pub driven: bool,
+    /// Whether they are those of servos.
+    pub servo: bool,
     /// Whether there is ground that is not flat.
     pub fields: bool,
+    /// Whether there are balls, capsules or convex hulls.
+    pub hulls: bool,
+    /// Whether contact points are told apart by the geoms of their robot's file.
+    pub paired: bool,
+    /// Whether there is torsional or rolling friction.
+    pub turns: bool,
     /// What each robot has of its own.
     pub own: Own,
 }
@@ -70,14 +82,33 @@ impl Reach {
     /// What a batch asks for.
     pub fn of(batch: &Batch) -> Self {
         let colliders = batch.scenes.iter().map(|s| s.colliders.len()).max().unwrap_or(0);
-        let fields = batch.scenes.iter().any(|s| s.terrain().is_some());
-        Self { colliders, driven: !batch.drives.is_empty(), fields, own: Own::of(batch) }
+        let fields = batch.scenes.iter().any(|s| s.uneven());
+        let hulls = batch.scenes.iter().any(|s| s.colliders.iter().any(|c| capsule(c).is_some() || c.hull.is_some()));
+        let paired = !batch.system.surfaces.is_empty();
+        let turning = |m: &Material| m.torsion > 0.0 || m.rolling > 0.0;
+        let robots = std::iter::once(&batch.system).chain(&batch.systems);
+        let bodies = batch.scenes.iter().flat_map(|scene| &scene.colliders);
+        let turns = batch.system.surfaces.turns()
+            || robots.map(|robot| &robot.spec.material).any(turning)
+            || bodies.map(|body| &body.material).any(turning);
+        Self {
+            colliders,
+            driven: batch.servo || !batch.drives.is_empty(),
+            servo: batch.servo,
+            fields,
+            hulls,
+            paired,
+            turns,
+            own: Own::of(batch),
+        }
     }
 }
 
 /// Vectors in 64 bits, the surfaces of a scene with so many colliders, and the numbers of faults: what needs no robot.
 pub fn surfaces(colliders: usize) -> Text {
-    let sizes = format!("#define REAL double\n#define FIELDS 0\n#define NC {colliders}\n#define LOST {LOST}\n#define GONE {GONE}\n");
+    let sizes = format!(
+        "#define REAL double\n#define FIELDS 0\n#define HULLS 0\n#define PAIRED 0\n#define NC {colliders}\n#define LOST {LOST}\n#define GONE {GONE}\n"
+    );
     Text(sizes + KERNELS[0] + KERNELS[1])
 }
 
@@ -86,7 +117,6 @@ pub fn program(system: &System, config: &ArticulatedConfig, real: Real, reach: R
     let mut text = functions(system, config, real, reach, true);
     if reach.own.rigged() {
         text.define([("LATEST", LATEST), ("WAVES", WAVES)]);
-        reach.own.write(&mut text, system, false);
     }
     text.0 + &ALONE.concat()
 }
@@ -94,7 +124,7 @@ pub fn program(system: &System, config: &ArticulatedConfig, real: Real, reach: R
 /// The same without a kernel: what one is made of that steps, or what surrounds steps.
 pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach: Reach, steps: bool) -> Text {
     let (robot, mut text) = (&system.robot, Text::default());
-    let ahead = system.spec.control.as_ref().is_some_and(|c| c.ahead);
+    let ahead = !reach.servo && system.spec.control.as_ref().is_some_and(|c| c.ahead);
     text.define([("REAL", if real == Real::F64 { "double" } else { "float" })]);
     text.define([
         ("NL", robot.links.len()),
@@ -113,6 +143,7 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
         ("ROUGHEST", ROUGHEST),
         ("FOLDS", system.folds.pairs.len()),
         ("PASSES", PASSES),
+        ("SPINS", SPINS),
         ("POWERS", POWERS),
     ]);
     let flags = [
@@ -122,9 +153,16 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
         ("HELD", reach.own.held(system)),
         ("ALONG", deep(system)),
         ("WHIPS", whips(system)),
-        ("WATCHED", system.stand_ins.is_empty() && system.folds.is_empty()),
+        ("WATCHED", system.stand_ins.is_empty()),
         ("DRIVEN", reach.driven),
+        ("SERVO", steps && reach.servo),
         ("FIELDS", reach.fields),
+        ("HULLS", reach.hulls),
+        ("PAIRED", reach.paired),
+        ("TURNS", reach.turns),
+        ("LIFTS", lifts(robot)),
+        ("CENTRED", robot.floating() && (robot.links[0].inertia.com != Vector3::zeros() || reach.own.centred())),
+        ("FREED", robot.free.damping != 0.0),
         ("RIGGED", reach.own.rigged()),
         ("LOCI", robot.contact_points.iter().any(|p| p.locus != Locus::Fixed)),
     ];
@@ -132,9 +170,11 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
     let constants = [("SETTLED", SETTLED), ("CREEP", CREEP), ("MOST_DAMPED", MOST), ("MOST_RK4", MOST_RK4)];
     let more = [("CALM", CALM), ("OFF", OFF), ("FAR_OFF", FAR_OFF), ("STIFFEST", FOLLOWED[0]), ("FOLLOWED", FOLLOWED[1])];
     let energy = [("EVEN", EVEN), ("SHARE", SHARE), ("LABOUR", LABOUR), ("FALL", FALL), ("WHIRL", WHIRL), ("WHIRL_RK4", WHIRL_RK4)];
-    let reals = constants.into_iter().chain(more).chain(energy).chain([("BARREL", BARREL)]);
+    let spin = [("SPUN", SPUN), ("ROUND", ROUND), ("SPUN_RK4", SPUN_RK4)];
+    let reals = constants.into_iter().chain(more).chain(energy).chain(spin).chain([("BARREL", BARREL)]);
     text.define(reals.map(|(name, x)| (name, format!("((real){})", number(x)))));
     text.define([("LOST", LOST), ("GONE", GONE)]);
+    text.define([("ROOT_DAMPING", number(robot.free.damping))]);
     text.define([("FRAME", format!("{:e}", system.frame_time))]);
     text.0 += KERNELS[0];
     links(&mut text, system);
@@ -142,6 +182,12 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
     points(&mut text, robot);
     folds(&mut text, system);
     reach.own.write(&mut text, system, true);
+    if steps && (reach.servo || reach.own.rigged()) {
+        reach.own.write(&mut text, system, false);
+    }
+    if steps && reach.servo {
+        text.table("double", "BOUND", (0..robot.joint_count()).map(|i| system.most(i).min(1e30)));
+    }
     text.0 += &KERNELS[1..].concat();
     text
 }
@@ -232,14 +278,16 @@ fn points(text: &mut Text, robot: &Robot) {
 
 fn folds(text: &mut Text, system: &System) {
     let folds = &system.folds;
-    text.table("int", "FOLD_LINKS", folds.pairs.iter().flatten().map(|link| *link as f64));
+    text.table("int", "FOLD_PARTS", folds.pairs.iter().flatten().map(|part| *part as f64));
+    text.table("int", "FOLD_LINK", folds.links.iter().map(|link| *link as f64));
     text.table("int", "FOLD_OWN", folds.own.iter().flat_map(|own| [own.start as f64, own.end as f64]));
     text.table("real", "FOLD_BALL", folds.balls.iter().flat_map(|(c, reach)| [c.x, c.y, c.z, *reach]));
     let numbers = |c: &Capsule| [c.middle.as_slice(), c.half.as_slice(), &[c.radius]].concat();
     text.table("real", "CAPSULE", folds.capsules.iter().flat_map(numbers));
 }
 
-/// A scene's record: gravity, then its colliders, each with its kind, geometry and the material that it makes with the robot; and what that has of its
+/// A scene's record: gravity, then its colliders, each with its kind, geometry and the material that it makes with the robot; with [`Reach::paired`] also
+/// the material of each contact point on each of them; and what the robot has of its
 /// own in a family. Scene and robot are those of an environment.
 ///
 /// # Errors
@@ -268,19 +316,49 @@ pub fn record(scene: &Scene, system: &System, reach: Reach) -> Result<Vec<f64>, 
             own[0] = 4.0;
             stand(&mut own);
             own[13] = field.scale();
+        } else if let Some([radius, half]) = capsule(body).filter(|_| reach.hulls) {
+            own[0] = 5.0;
+            stand(&mut own);
+            own[13..15].copy_from_slice(&[radius, half]);
+        } else if body.hull.is_some() && reach.hulls {
+            own[0] = 6.0;
+            stand(&mut own);
+            // About the middle of the ball around it.
+            own[10..13].copy_from_slice((body.pose * Point3::from(body.ball.0)).coords.as_slice());
+            own[13] = body.ball.1;
         } else {
             return Err(format!(
-                "scene `{}`, collider {k}: on a device there are planes, boxes and pegs alone; step it on the CPU",
+                "scene `{}`, collider {k}: on a device there are planes, boxes, pegs, capsules and hulls alone; step it on the CPU",
                 scene.name
             ));
         }
-        let material = body.material.mean(&system.spec.material);
-        own[16..].copy_from_slice(&[material.stiffness, material.damping, material.friction_damping, material.friction]);
+        own[16..].copy_from_slice(&of(&body.material.mean(&system.spec.material)));
         numbers.extend(own);
     }
     numbers.resize(3 + COLLIDER * reach.colliders, 0.0);
+    for point in system.robot.contact_points.iter().filter(|_| reach.paired) {
+        let meetings = scene.colliders.iter().map(|body| system.meeting(point, body).map_or(NEVER, |m| of(&m)));
+        numbers.extend(meetings.chain(std::iter::repeat(NEVER)).take(reach.colliders).flatten());
+    }
     numbers.extend(reach.own.numbers(system)?);
     Ok(numbers)
+}
+
+/// Radius and half the length of a capsule about z, or of a ball.
+fn capsule(body: &Collider) -> Option<[f64; 2]> {
+    if let Some(ball) = body.shape.as_ball() {
+        return Some([ball.radius, 0.0]);
+    }
+    let capsule = body.shape.as_capsule()?;
+    let (a, b) = (capsule.segment.a, capsule.segment.b);
+    ([a.x, a.y, b.x, b.y] == [0.0; 4] && a.z == -b.z).then(|| [capsule.radius, b.z.abs()])
+}
+
+/// Of a point and a collider that never meet.
+const NEVER: [f64; MATERIAL] = [-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
+
+fn of(m: &Material) -> [f64; MATERIAL] {
+    [m.stiffness, m.damping, m.friction_damping, m.friction, m.torsion, m.rolling, m.margin, m.release]
 }
 
 /// Refuses settings without kernels: those of the reference, which no training and no task uses.

@@ -1,8 +1,8 @@
-//! What kernels know of a batch's scenes and robots: records, and behind them the heights of ground that is not flat.
+//! What kernels know of a batch's scenes and robots: records, and behind them the heights of ground that is not flat and the triangles of hulls.
 
 use super::program::{COLLIDER, Reach, record};
 use crate::prelude::*;
-use crate::scene::Field;
+use crate::scene::{Field, Hull};
 
 /// The records of a batch's environments and which is whose. Heights stand behind them once each; a record says how far behind. On ground that is
 /// not flat, and in a family, each environment has its own.
@@ -11,7 +11,7 @@ use crate::scene::Field;
 /// As [`record`]; that robots differ in another way than by `[vary]`.
 pub fn records(batch: &Batch, reach: Reach) -> Result<(Vec<f64>, Vec<i32>), String> {
     let (mut records, mut of, mut last): (Vec<f64>, Vec<i32>, Option<&Arc<Scene>>) = (Vec::new(), Vec::new(), None);
-    let (mut count, mut fields): (_, Vec<(Field, Vec<usize>)>) = (0, Vec::new());
+    let (mut count, mut behind) = (0, Behind::default());
     for (env, scene) in batch.scenes.iter().enumerate() {
         let own = batch.of(env);
         if own.spec.vary != batch.system.spec.vary || own.spec.vary.is_none() && !batch.systems.is_empty() {
@@ -19,23 +19,61 @@ pub fn records(batch: &Batch, reach: Reach) -> Result<(Vec<f64>, Vec<i32>), Stri
         }
         // Environments mostly share one.
         if reach.fields || !batch.systems.is_empty() || !last.is_some_and(|known| Arc::ptr_eq(known, scene)) {
-            for (k, body) in scene.colliders.iter().enumerate() {
-                let Some(field) = &body.field else { continue };
-                let at = records.len() + 3 + COLLIDER * k;
-                match fields.iter_mut().find(|(known, _)| known.shares(field)) {
-                    Some((_, places)) => places.push(at),
-                    None => fields.push((field.clone(), vec![at])),
-                }
-            }
+            behind.take(scene, records.len());
             records.extend(record(scene, own, reach)?);
             (last, count) = (Some(scene), count + 1);
         }
         of.push(count - 1);
     }
-    for (field, places) in fields {
-        let behind = records.len();
-        places.into_iter().for_each(|at| records[at + 14] = (behind - at) as f64);
-        records.extend(field.numbers());
-    }
+    behind.write(&mut records);
     Ok((records, of))
+}
+
+/// The record of a scene alone, with what stands behind it.
+///
+/// # Errors
+/// As [`record`].
+pub(super) fn alone(scene: &Scene, system: &System, reach: Reach) -> Result<Vec<f64>, String> {
+    let (mut behind, mut numbers) = (Behind::default(), record(scene, system, reach)?);
+    behind.take(scene, 0);
+    behind.write(&mut numbers);
+    Ok(numbers)
+}
+
+/// Fields and hulls, once each, and the places of the records that speak of them.
+#[derive(Default)]
+struct Behind {
+    fields: Vec<(Field, Vec<usize>)>,
+    hulls: Vec<(Hull, Vector3<f64>, Vec<usize>)>,
+}
+
+impl Behind {
+    /// Those of a scene whose record begins at `start`.
+    fn take(&mut self, scene: &Scene, start: usize) {
+        for (k, body) in scene.colliders.iter().enumerate() {
+            let at = start + 3 + COLLIDER * k;
+            if let Some(field) = &body.field {
+                match self.fields.iter_mut().find(|(known, _)| known.shares(field)) {
+                    Some((_, places)) => places.push(at),
+                    None => self.fields.push((field.clone(), vec![at])),
+                }
+            } else if let Some(hull) = &body.hull {
+                match self.hulls.iter_mut().find(|(known, ..)| known.shares(hull)) {
+                    Some((.., places)) => places.push(at),
+                    None => self.hulls.push((hull.clone(), body.ball.0, vec![at])),
+                }
+            }
+        }
+    }
+
+    /// Writes them behind the records, and how far behind into those.
+    fn write(self, records: &mut Vec<f64>) {
+        let fields = self.fields.into_iter().map(|(field, places)| (field.numbers(), places));
+        let hulls = self.hulls.into_iter().map(|(hull, middle, places)| (hull.numbers(&middle), places));
+        for (numbers, places) in fields.chain(hulls) {
+            let behind = records.len();
+            places.into_iter().for_each(|at| records[at + 14] = (behind - at) as f64);
+            records.extend(numbers);
+        }
+    }
 }

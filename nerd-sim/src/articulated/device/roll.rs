@@ -95,7 +95,8 @@ impl<M: Motion> OnDevice<M> {
     fn prepare(&mut self, batch: &Batch) -> Result<(), StepError> {
         let asked = Reach::of(batch);
         let fits = |m: &Made| {
-            let enough = m.reach.colliders >= asked.colliders && m.reach.driven == asked.driven;
+            let kinds = [m.reach, asked].map(|r| (r.driven, r.servo, r.paired, r.turns, r.hulls));
+            let enough = m.reach.colliders >= asked.colliders && kinds[0] == kinds[1];
             enough && m.held.n == batch.len() && Arc::ptr_eq(&m.system, &batch.system)
         };
         if self.made.as_ref().is_some_and(fits) {

@@ -8,6 +8,7 @@ FN void begin(Back& b, const double* state, const double* by) {
     for (int k = 0; k < NV; k++) { b.pose[k] = (real)by[k]; b.speed[k] = (real)by[NV + k]; b.rate[k] = 0; }
     for (int k = 0; k < WEIGHTS; k++) b.weight[k] = 0;
     for (int i = 0; i < NJ; i++) b.torque[i] = b.braked[i] = b.share[i] = 0;
+    for (int i = 0; i < PULLS; i++) b.drives[i][0] = b.drives[i][1] = 0;
     if (!DOFS) return;
     V3 w, v;
     own_velocity(state, w, v);
@@ -31,6 +32,14 @@ FN void end(const Back& b, const double* state, double* out) {
     write3(out + 3, back(r, read3(b.pose + 3)));
     write3(out + NV, by_w);
     write3(out + NV + 3, by_v);
+}
+
+// From gradients by a root's place to those by its link's centre of mass (sign -1), at a state; or back.
+FN void centre_back(const Tree& t, Back& b, const double* state, real sign) {
+    if (!CENTRED) return;
+    const V3 arm = matrix(read4(state + 3)) * read3(COM(t)) * sign, w = three(state + NQ), by_v = read3(b.speed + 3);
+    write3(b.pose, read3(b.pose) + cross(arm, read3(b.pose + 3) + cross(by_v, w)));
+    write3(b.speed, read3(b.speed) + cross(arm, by_v));
 }
 
 FN void drift_back(Back& b, const real* qd, real time) {

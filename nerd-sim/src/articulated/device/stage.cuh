@@ -19,12 +19,36 @@ template <class F> FN void at_joints(const Work& w, const F& f) {
 }
 
 // Back over a point's force under the virtual motion. Returns the gradient by the root's w x v.
-BIG V3 press_back(Work& w, Back& b, const Touch& touch, const Law& law, real h) {
+BIG V3 press_back(Work& w, Back& b, const Touch& touch, const Law& law, real h, bool first) {
     const int i = touch.link;
     const V3 x = touch.x, n = touch.normal, middle = x + n * RADIUS[touch.index / w.surfaces];
     const Motion twist = w.tree.velocity[i], own = b.virtuals[i];
-    const V3 by_force = at(own, x), by_change = back(law.by_change, by_force) * h, by_velocity = back(law.by_velocity, by_force);
-    const V3 by_bend = back(law.by_bend, by_force), by_gap = n * dot(law.by_gap, by_force), by_moves = cross(by_bend, twist.ang);
+#if TURNS
+    // A torque follows the normal force, and so all that this does.
+    TurnLaw turn;
+    const bool turning = turns(touch);
+    V3 by_force = at(own, x);
+    real by_press = 0;
+    if (turning) {
+        turn_law(touch, b.quickened[i].ang * h, h, first, material(w, touch.index / w.surfaces, touch.index % w.surfaces), law, turn);
+        by_press = dot(turn.by_press, own.ang);
+        if (!first) by_force = by_force + n * by_press;
+    }
+#else
+    const V3 by_force = at(own, x);
+#endif
+    V3 by_velocity = back(law.by_velocity, by_force), by_gap = n * dot(law.by_gap, by_force);
+#if TURNS
+    if (turning) {
+        by_velocity = by_velocity + n * (turn.by_vn * by_press);
+        by_gap = by_gap + n * (turn.by_gap * by_press);
+        b.by_virtual[i].ang = b.by_virtual[i].ang + turn.torque;
+        b.by_quickened[i].ang = b.by_quickened[i].ang + back(turn.by_change, own.ang) * h;
+        b.starts[i].ang = b.starts[i].ang + back(turn.by_spin, own.ang);
+    }
+#endif
+    const V3 by_change = back(law.by_change, by_force) * h, by_bend = back(law.by_bend, by_force);
+    const V3 by_moves = cross(by_bend, twist.ang);
     b.weight[touch.index] += dot(law.by_weight, by_force);
     b.way = b.way + by_gap;
     b.by_virtual[i] = b.by_virtual[i] + force_at(law.force, x);
@@ -55,7 +79,7 @@ BIG void stage_back(Work& w, Back& b, const Kept& kept, const real* rate, const 
     const auto law = [&](Touch& touch, Law& law) {
         bend(w, touch, turned, h);
         const V3 change = at(b.quickened[touch.link], touch.x) * h;
-        contact_law(touch, change, w.weight[touch.index], h, first, w.even, w.surface[touch.index % w.surfaces].material, law);
+        contact_law(touch, change, w.weight[touch.index], h, first, w.even, material(w, touch.index / w.surfaces, touch.index % w.surfaces), law);
     };
     Law found;
     real low[SIZE], up[SIZE], own[NV];
@@ -78,12 +102,29 @@ BIG void stage_back(Work& w, Back& b, const Kept& kept, const real* rate, const 
                 low[LOWER(i, j)] -= dot(other, a[j]);
             });
         });
+#if TURNS
+        if (!turns(touch)) return;
+        TurnLaw turn;
+        V3 s[NV];
+        turn_law(touch, b.quickened[touch.link].ang * h, h, first, material(w, touch.index / w.surfaces, touch.index % w.surfaces), found, turn);
+        spins(t, link, s);
+        const V3 press = first ? v3(0, 0, 0) : back(found.by_change, touch.normal) * h;
+        upward(last_dof(link), [&](auto i) {
+            const V3 along = back(turn.by_change, s[i]) * h, other = turn.by_change * s[i] * h;
+            const real own = dot(turn.by_press, s[i]), pressed = dot(press, a[i]);
+            low[LOWER(i, i)] -= dot(along, s[i]) + own * pressed;
+            above(i, [&](auto j) {
+                up[LOWER(i, j)] -= dot(along, s[j]) + own * dot(press, a[j]);
+                low[LOWER(i, j)] -= dot(other, s[j]) + dot(turn.by_press, s[j]) * pressed;
+            });
+        });
+#endif
     });
     onward<0, NV>([&](auto k) { own[k] = b.rate[k]; });
     eliminate(low, up, own);
     onward<0, NV>([&](auto k) { b.own[k] = own[k]; });
     V3 by_turn = DOFS ? read3(b.rate + 3) : v3(0, 0, 0);
-    adjoint_begin(t, b);
+    adjoint_begin(t, b, w.gravity);
     for (int i = 0; i < NJ; i++) {
         const real own = b.own[DOFS + i];
         b.torque[i] += own;
@@ -95,7 +136,7 @@ BIG void stage_back(Work& w, Back& b, const Kept& kept, const real* rate, const 
     for (int n = 0; n < w.points; n++) {
         if (idles(n)) continue;
         law(w.touch[n], found);
-        by_turn = by_turn + press_back(w, b, w.touch[n], found, h);
+        by_turn = by_turn + press_back(w, b, w.touch[n], found, h, first);
     }
     at_joints(w, [&](const Touch& touch, int n) {
         if (idles(n)) return;
@@ -104,6 +145,10 @@ BIG void stage_back(Work& w, Back& b, const Kept& kept, const real* rate, const 
         b.pose[touch.dof] += joint.by_gap * own;
         b.speed[touch.dof] += joint.by_rate * own;
         b.weight[touch.index] += joint.by_weight * own;
+        if (SERVO && n >= w.touches) {
+            b.drives[n - w.touches][0] -= joint.by_gap * own;
+            b.drives[n - w.touches][1] -= joint.by_rate * own;
+        }
     });
     adjoint_end(t, b, w.middle, b.by_middle);
     if (DOFS) {
@@ -115,6 +160,27 @@ BIG void stage_back(Work& w, Back& b, const Kept& kept, const real* rate, const 
         b.speed[k] += b.by_middle[k];
         b.rate[k] = (real)0.5 * h * b.by_middle[k];
     }
+}
+
+// The same where the spin of w.middle is that of the rate itself: what is left of its gradient asks for more by that rate.
+BIG void spun_back(Work& w, Back& b, const Kept& kept, real h) {
+    stage_back(w, b, kept, kept.rate, kept.idle, h, false);
+    const Spin whole = spin(w.tree);
+    const V3 middle = read3(w.middle);
+    V3 off = read3(b.rate);
+    const real least = (sizeof(real) == 8 ? (real)1e-13 : (real)1e-6) * norm(off);
+    real sum[NV];
+    for (int k = 0; k < NV; k++) sum[k] = b.rate[k];
+    for (int solve = 0; solve < SPINS; solve++) {
+        const V3 more = whole.inertia * settle(whole, middle, h, off, true);
+        for (int k = 0; k < NV; k++) b.rate[k] = 0;
+        write3(b.rate, more);
+        stage_back(w, b, kept, kept.rate, kept.idle, h, false);
+        for (int k = 0; k < NV; k++) sum[k] += b.rate[k];
+        off = off + read3(b.rate) - more;
+        if (norm(off) <= least) break;
+    }
+    for (int k = 0; k < NV; k++) b.rate[k] = k < 3 ? 0 : sum[k];
 }
 
 // Back over a weight w = y^T M^-1 y of a touch or a joint, with b.own = M^-1 y: dw = 2 z . dy - z . dM z.

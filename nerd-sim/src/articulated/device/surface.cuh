@@ -1,51 +1,98 @@
 // Surfaces of a scene's record, as scene.rs and parry have them: NC colliders at most.
 
-constexpr int COLLIDER = 20;   // numbers of one: kind, geometry, material
-constexpr int SHARED = 3 + COLLIDER * NC;   // of a record what robots share: gravity, colliders
+constexpr int MATERIAL = 8;    // stiffness, damping, friction damping, friction, torsional and rolling friction, margin, release
+constexpr int COLLIDER = 16 + MATERIAL;     // numbers of one: kind, geometry, material
+constexpr int PAIRS_AT = 3 + COLLIDER * NC;
+// Of a record what robots share: gravity, colliders, and with PAIRED the material of each point on each of them, of which a stiffness below zero says
+// that they never meet.
+#if PAIRED
+constexpr int SHARED = PAIRS_AT + MATERIAL * NP * NC;
+#else
+constexpr int SHARED = PAIRS_AT;
+#endif
 
 // As seen from some place: a plane n . x = offset (1), a box (2), a cylinder about y, of which `half` has the radius and half the height (3), or,
-// with FIELDS, heights of `grid` along the z axis of `turn` (4), nowhere above the plane, of which a place is in cell `cell` at `part`.
+// with FIELDS, heights of `grid` along the z axis of `turn` (4), nowhere above the plane, of which a place is in cell `cell` at `part`. With HULLS a
+// capsule about z, of which `half` has the radius and half the length (5), and a hull within a radius `half.x` (6), whose triangles `grid` has: how
+// many, then of each its corners and its normal.
 struct Surface {
-    int kind; V3 normal; real offset; M3 turn; V3 place, half; real material[4];
+    int kind; V3 normal; real offset; M3 turn; V3 place, half; real material[MATERIAL];
+#if FIELDS || HULLS
+    const double* grid;     // of a field: GRID_CELLS and so on
+#endif
 #if FIELDS
-    const double* grid;     // cell, nodes along x and y, highest place, bound of the squared slope, heights
     int cell[2]; real scale, part[2], steep;
 #endif
 };
 
-#if FIELDS
+#if FIELDS || HULLS
 // The grid of a collider's record stands behind all records.
 FN const double* grid(const double* s) { return s + (long long)s[14]; }
+#endif
 
-// That of the ground.
+#if FIELDS
+// Where a grid has its two cells, nodes along x and y, highest place, bound of the squared slope, how deep it ends or 0 if it repeats, and heights.
+constexpr int GRID_CELLS = 0, GRID_NODES = 2, GRID_TOP = 4, GRID_STEEP = 5, GRID_BASE = 6, GRID_HEIGHTS = 7;
+FN bool bounded(const double* grid) { return grid[GRID_BASE] > 0; }
+
+// That of the ground that repeats, or none.
 template <class T> FN T* terrain(T* scene) {
-    T* s = scene + 3;
-    while ((int)s[0] != 4) s += COLLIDER;
-    return s;
+    for (T* s = scene + 3; s < scene + PAIRS_AT; s += COLLIDER) if ((int)s[0] == 4 && !bounded(grid(s))) return s;
+    return nullptr;
 }
 
 FN int around(long long k, int n) { const int r = (int)(k % n); return r < 0 ? r + n : r; }
 
+// The nodes before and behind a place so many cells from a node, and where between them it is; of what ends, no farther than its edge.
+FN real nodes(const double* grid, int axis, int node, real u, int* at) {
+    const int n = (int)grid[GRID_NODES + axis];
+    const real whole = floor(u);
+    if (!bounded(grid)) {
+        at[0] = around(node + (long long)whole, n);
+        at[1] = at[0] + 1 < n ? at[0] + 1 : 0;
+        return u - whole;
+    }
+    const long long first = node + (long long)whole;
+    at[0] = first < 0 ? 0 : first > n - 2 ? n - 2 : (int)first;
+    at[1] = at[0] + 1;
+    // What is no number stays none.
+    return first < 0 ? u * 0 : first > n - 2 ? 1 + u * 0 : u - whole;
+}
+
 // Height, and how it rises along x and y, at a place so many cells from a node.
 FN real height(const double* grid, real scale, const int* node, real u, real v, real* slope) {
-    const real fu = floor(u), fv = floor(v), a = u - fu, b = v - fv;
-    const int n = (int)grid[1], m = (int)grid[2], i = around(node[0] + (long long)fu, n), j = around(node[1] + (long long)fv, m);
-    const int right = i + 1 < n ? i + 1 : 0, up = j + 1 < m ? j + 1 : 0;
-    const double* h = grid + 5;
-    const real o = (real)h[i * m + j] * scale, p = (real)h[right * m + j] * scale, q = (real)h[i * m + up] * scale, r = (real)h[right * m + up] * scale;
-    const real low = o + a * (p - o), high = q + a * (r - q), cell = (real)grid[0];
-    slope[0] = ((p - o) + b * ((r - q) - (p - o))) / cell;
-    slope[1] = (high - low) / cell;
+    int x[2], y[2];
+    const real a = nodes(grid, 0, node[0], u, x), b = nodes(grid, 1, node[1], v, y);
+    const double* h = grid + GRID_HEIGHTS;
+    const int m = (int)grid[GRID_NODES + 1];
+    const real o = (real)h[x[0] * m + y[0]] * scale, p = (real)h[x[1] * m + y[0]] * scale;
+    const real q = (real)h[x[0] * m + y[1]] * scale, r = (real)h[x[1] * m + y[1]] * scale;
+    const real low = o + a * (p - o), high = q + a * (r - q);
+    slope[0] = ((p - o) + b * ((r - q) - (p - o))) / (real)grid[GRID_CELLS];
+    slope[1] = (high - low) / (real)grid[GRID_CELLS + 1];
     return low + b * (high - low);
 }
 
 FN real over(const Surface& s, V3 l, V3& normal) {
-    const real cell = (real)s.grid[0];
+    const real cell[2] = {(real)s.grid[GRID_CELLS], (real)s.grid[GRID_CELLS + 1]}, at[2] = {l.x, l.y}, z = l.z - s.place.z;
     real slope[2];
-    const real d = l.z - s.place.z - height(s.grid, s.scale, s.cell, s.part[0] + l.x / cell, s.part[1] + l.y / cell, slope);
+    const real high = height(s.grid, s.scale, s.cell, s.part[0] + l.x / cell[0], s.part[1] + l.y / cell[1], slope);
     normal = v3(-slope[0], -slope[1], 1);
     normal = normal * (1 / norm(normal));
-    return d * normal.z;
+    real d = (z - high) * normal.z;
+    if (!bounded(s.grid)) return d;
+    // Of the top, the sides and the foot that counts that the place is farthest outside of.
+    for (int k = 0; k < 2; k++) {
+        const real half = (real)0.5 * ((real)s.grid[GRID_NODES + k] - 1), x = (((real)s.cell[k] - half) + s.part[k]) * cell[k] + at[k];
+        if (size(x) - half * cell[k] > d) {
+            d = size(x) - half * cell[k];
+            const real way = x < 0 ? -1 : 1;
+            normal = v3(k == 0 ? way : 0, k == 1 ? way : 0, 0);
+        }
+    }
+    const real under = -(real)s.grid[GRID_BASE] - z;
+    if (under > d) { d = under; normal = v3(0, 0, -1); }
+    return d;
 }
 #endif
 
@@ -64,22 +111,27 @@ FN void read(Surface& u, const double* s, const double* o) {
             u.grid = grid(s);
             u.scale = (real)s[13];
             for (int k = 0; k < 2; k++) {
-                const double cells = at[k] / u.grid[0], whole = floor(cells);
-                u.cell[k] = around((long long)whole, (int)u.grid[1 + k]);
-                u.part[k] = (real)(cells - whole);
+                const double n = u.grid[GRID_NODES + k], cells = at[k] / u.grid[GRID_CELLS + k] + (bounded(u.grid) ? 0.5 * (n - 1) : 0), whole = floor(cells);
+                // Far beyond an edge the rest is in its part.
+                const double near = fmin(fmax(whole, -1e6), 1e6);
+                u.cell[k] = bounded(u.grid) ? (int)near : around((long long)whole, (int)n);
+                u.part[k] = (real)(cells - (bounded(u.grid) ? near : whole));
             }
             u.place = v3(0, 0, (real)-at[2]);
             u.normal = v3(u.turn.m[2], u.turn.m[5], u.turn.m[8]);
-            u.offset = (real)(u.grid[3] * u.scale - at[2]);
-            u.steep = (real)sqrt(1 + u.grid[4] * u.scale * u.scale);
-            for (int k = 0; k < 4; k++) u.material[k] = (real)s[16 + k];
+            u.offset = (real)(u.grid[GRID_TOP] * u.scale - at[2]);
+            u.steep = (real)sqrt(1 + u.grid[GRID_STEEP] * u.scale * u.scale);
+            for (int k = 0; k < MATERIAL; k++) u.material[k] = (real)s[16 + k];
             return;
         }
 #endif
         u.place = v3((real)(s[10] - o[0]), (real)(s[11] - o[1]), (real)(s[12] - o[2]));
         u.half = v3((real)s[13], (real)s[14], (real)s[15]);
+#if HULLS
+        if (u.kind == 6) u.grid = grid(s);
+#endif
     }
-    for (int k = 0; k < 4; k++) u.material[k] = (real)s[16 + k];
+    for (int k = 0; k < MATERIAL; k++) u.material[k] = (real)s[16 + k];
 }
 
 // The nearest place of a box to l, both from its middle; whether l is inside.
@@ -114,6 +166,40 @@ FN bool peg(V3 half, V3 l, V3& nearest) {
     return inside;
 }
 
+#if HULLS
+FN V3 corner(const double* t, int k) { return v3((real)t[3 * k], (real)t[3 * k + 1], (real)t[3 * k + 2]); }
+
+// The same of a hull. From outside it is on a triangle that is seen: straight below, or on an edge that l is beyond.
+FN bool hull(const Surface& s, V3 l, V3& nearest) {
+    const int count = (int)s.grid[0];
+    real depth = infinite(), way = infinite();
+    bool inside = true;
+    for (int i = 0; i < count; i++) {
+        const double* t = s.grid + 1 + 12 * i;
+        const V3 n = corner(t, 3);
+        const real high = dot(n, l - corner(t, 0));
+        const V3 foot = l - n * high;
+        if (high <= 0) {
+            if (inside && -high < depth) { depth = -high; nearest = foot; }
+            continue;
+        }
+        inside = false;
+        V3 place = foot;
+        real off = infinite();
+        for (int k = 0; k < 3; k++) {
+            const V3 a = corner(t, k), edge = corner(t, (k + 1) % 3) - a;
+            if (dot(cross(edge, foot - a), n) >= 0) continue;
+            const V3 at = a + edge * most(0, least(1, dot(l - a, edge) / dot(edge, edge)));
+            const real d = dot(l - at, l - at);
+            if (d < off) { off = d; place = at; }
+        }
+        const real d = dot(l - place, l - place);
+        if (d < way) { way = d; nearest = place; }
+    }
+    return inside;
+}
+#endif
+
 // Signed distance of a point, with the outward normal and the nearest place.
 FN real distance(const Surface& s, V3 p, V3& normal, V3& nearest) {
     if (s.kind == 1) {
@@ -133,7 +219,22 @@ FN real distance(const Surface& s, V3 p, V3& normal, V3& nearest) {
 #endif
     V3 b;
     const V3 l = back(s.turn, p - s.place);
+#if HULLS
+    bool inside = false;
+    const real away = norm(l);
+    if (s.kind == 5) {
+        const V3 axis = v3(0, 0, most(-s.half.y, least(s.half.y, l.z))), out = l - axis;
+        const real off = norm(out);
+        inside = off < s.half.x;
+        b = off > (real)1e-15 ? axis + out * (s.half.x / off) : axis + v3(s.half.x, 0, 0);
+    } else if (s.kind == 6 && away > (real)1.5 * s.half.x) {
+        b = l * (s.half.x / away);      // no farther than the ball around it
+    } else {
+        inside = s.kind == 6 ? hull(s, l, b) : s.kind == 2 ? box(s.half, l, b) : peg(s.half, l, b);
+    }
+#else
     const bool inside = s.kind == 2 ? box(s.half, l, b) : peg(s.half, l, b);
+#endif
     nearest = s.place + s.turn * b;
     const V3 gap = p - nearest;
     const real sign = inside ? -1 : 1, length = norm(gap);

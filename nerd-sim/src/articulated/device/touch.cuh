@@ -16,8 +16,12 @@ struct Touch {
     V3 x;                 // where, or the joint's column
     V3 start, turn;       // of a point: its velocity at the start, and what that changes by without accelerations (touch.rs)
     V3 normal, velocity, force;
-    real gap, stiffness, damping, friction_damping, friction, across;
+    real gap, stiffness, damping, friction_damping, friction, release, across;
     real ahead[3];
+#if TURNS
+    V3 spin;              // of a point: how its link turns
+    real torsion, rolling, about, turning;    // what resists that (m), and drags about the normal and across it
+#endif
     bool sticky, bounded, parted;
 };
 
@@ -38,6 +42,9 @@ struct Work {
     Tree tree;
     Surface surface[NC + 1];
     int surfaces;
+#if PAIRED
+    const double* pairs;
+#endif
     V3 gravity;
     Touch touch[MOST];
     int touches, points;  // the points' come first
@@ -54,7 +61,8 @@ struct Work {
     Along along;
     Wrench external[FOLDS ? NL : 1];      // what links do to each other
     real rate[NV], middle[NV], right[NV], qdd[NV];
-    // Of the substep's first solves, where a second middle was found: whether it was one solve, and which touches were idle (with drives; else none).
+    // Of the substep's first solves, where a second middle was found: whether it was one solve, its rate, and which touches were idle (with drives; else none).
+    real guess[NV];
     bool twice, once, early[DRIVEN ? MOST + DRIVES : 1];
 };
 
@@ -75,6 +83,9 @@ FN double stands(const Work& w, int k) { return DOFS ? w.tree.q[k] : STAND[k]; }
 FN void survey(Work& w, const double* scene) {
     const double o[3] = {stands(w, 0), stands(w, 1), stands(w, 2)};
     w.surfaces = 0;
+#if PAIRED
+    w.pairs = scene + PAIRS_AT;
+#endif
     for (int c = 0; c < NC; c++) {
         const double* s = scene + 3 + COLLIDER * c;
         if (!(int)s[0]) break;
@@ -83,8 +94,34 @@ FN void survey(Work& w, const double* scene) {
     }
 }
 
-// What a frame is asked for.
-FN void ask(Work& w, const double* tau, const double* drives) {
+// What a frame is asked for: torques and drives, or servos of a law KP, KD within BOUND by their torques as it begins, as drive.rs.
+#if SERVO
+FN void ask(Work& w, const double* state, const double* tau, const double* scene, const double*) {
+    for (int i = 0; i < NJ; i++) {
+        const double kp = KP(scene)[i], kd = KD(scene)[i], q = state[COORDS + i], qd = state[NQ + DOFS + i];
+        w.tau[i] = kp > 0 || kd > 0 ? 0 : tau[i];
+        w.drives.kp[i] = (real)kp; w.drives.kd[i] = (real)kd; w.drives.effort[i] = (real)BOUND[i];
+        w.drives.target[i] = kp > 0 ? q + (tau[i] + kd * qd) / kp : 0;
+        w.drives.speed[i] = kp > 0 || !(kd > 0) ? 0 : (real)(qd + tau[i] / kd);
+    }
+}
+
+// Gradients by the torques and the state from those by targets and speeds.
+FN void servos_back(const double* scene, const real (*by)[2], double* by_state, double* by_tau) {
+    for (int i = 0; i < NJ; i++) {
+        const double kp = KP(scene)[i], kd = KD(scene)[i];
+        if (kp > 0) {
+            by_tau[i] = by[i][0] / kp;
+            by_state[DOFS + i] += by[i][0];
+            by_state[NV + DOFS + i] += by[i][0] * kd / kp;
+        } else if (kd > 0) {
+            by_tau[i] = by[i][1] / kd;
+            by_state[NV + DOFS + i] += by[i][1];
+        }
+    }
+}
+#else
+FN void ask(Work& w, const double*, const double* tau, const double*, const double* drives) {
     for (int i = 0; i < NJ; i++) w.tau[i] = tau[i];
     for (int i = 0; i < DRIVES; i++) {
         const double* d = drives + 5 * i;
@@ -92,12 +129,23 @@ FN void ask(Work& w, const double* tau, const double* drives) {
         w.drives.kp[i] = (real)d[0]; w.drives.kd[i] = (real)d[1]; w.drives.speed[i] = (real)d[3]; w.drives.effort[i] = (real)d[4];
     }
 }
+#endif
 
 // What a substep meets.
 FN void see(Work& w, const double* scene) {
     w.gravity = v3((real)scene[0], (real)scene[1], (real)scene[2]);
     survey(w, scene);
 }
+
+// The material of a point on a surface.
+#if PAIRED
+FN const double* material(const Work& w, int point, int c) { return w.pairs + MATERIAL * (point * NC + c); }
+#else
+FN const real* material(const Work& w, int, int c) { return w.surface[c].material; }
+#endif
+// Whether they ever meet, and how far apart their forces begin.
+FN bool may(const Work& w, int point, int c) { return !PAIRED || material(w, point, c)[0] >= 0; }
+FN real margin(const Work& w, int point, int c) { return (real)material(w, point, c)[6]; }
 
 // Of a gap in the middle of a substep and its change to the end: the part of the substep in which it is negative, and its mean there.
 FN bool inside(real& gap, real half, real& part) {
@@ -111,21 +159,36 @@ FN bool inside(real& gap, real half, real& part) {
 FN Touch& next(Work& w) {
     Touch& t = w.touch[w.touches++];
     t.sticky = t.bounded = t.parted = false;
-    t.friction_damping = t.friction = t.across = 0;
+    t.friction_damping = t.friction = t.release = t.across = 0;
     t.force = t.turn = v3(0, 0, 0);
+#if TURNS
+    t.torsion = t.rolling = t.about = t.turning = 0;
+#endif
     return t;
 }
 
+FN real falls(const Work& w, real h) { return h * h * norm(w.gravity); }
+
 FN void press(Work& w, int point, int c, V3 n, V3 nearest, real h) {
+    if (!may(w, point, c)) return;
     const int link = POINT_LINK[point];
     const V3 x = facing(w.tree, point, n, true) - n * RADIUS[point];
     const V3 velocity = at(w.tree.velocity[link], x);
-    real gap = dot(n, x - nearest), part;
-    if (!inside(gap, (real)0.5 * h * dot(n, velocity), part)) return;
+    real gap = dot(n, x - nearest) - margin(w, point, c), part;
+    const real half = (real)0.5 * h * dot(n, velocity);
+    if (!inside(gap, half, part)) {
+        // A point that falls by this distance may land within the substep although it would not at its present velocity.
+        w.eventful = w.eventful || gap - size(half) < falls(w, h);
+        return;
+    }
+    w.eventful = w.eventful || (LOCI && LOCUS[point]);
     Touch& t = next(w);
-    const real* m = w.surface[c].material;
+    const auto* m = material(w, point, c);
     t.index = point * w.surfaces + c; t.link = link; t.x = x; t.normal = n; t.start = t.velocity = velocity; t.gap = gap;
-    t.stiffness = part * m[0]; t.damping = part * m[1]; t.friction_damping = part * m[2]; t.friction = m[3];
+    t.stiffness = part * (real)m[0]; t.damping = part * (real)m[1]; t.friction_damping = part * (real)m[2]; t.friction = (real)m[3]; t.release = (real)m[7];
+#if TURNS
+    t.spin = w.tree.velocity[link].ang; t.torsion = (real)m[4]; t.rolling = (real)m[5];
+#endif
 }
 
 // Points of a word of the mask of those that may touch.
@@ -134,8 +197,11 @@ constexpr int WORD = 32, WORDS = NP / WORD + 1;
 // Which points may be beyond a plane in some part of the substep: for all of them together little work, and none for those that are far.
 // A distance that is not a number may be anywhere. Of ground that is not flat, which may be beyond the plane of its highest place: a ball touches a
 // slope before it comes down to it.
-FN void near(const Tree& t, const Surface& plane, real h, unsigned* mask) {
+FN void near(const Work& w, real h, unsigned* mask) {
+    const Tree& t = w.tree;
+    const Surface& plane = w.surface[0];
     const V3 n = plane.normal;
+    const real fall = falls(w, h);
 #if FIELDS
     const bool field = plane.kind == 4;
     const real steep = field ? plane.steep : 1;
@@ -144,20 +210,22 @@ FN void near(const Tree& t, const Surface& plane, real h, unsigned* mask) {
     constexpr real steep = 1;
 #endif
     onward<0, NP, UNROLLED && NP <= 64>([&](auto point) {
+        if (!may(w, point, 0)) return;
         const int link = POINT_LINK[point];
+        const real radius = RADIUS[point] + margin(w, point, 0) + fall;
         if (LOCI && LOCUS[point]) {
             // Wherever on its link it lies, it does not come down: its vertices need not be asked.
             const V3 m = middle(t, point);
             const real speed = norm(at(t.velocity[link], m)) + norm(t.velocity[link].ang) * REACH[point];
-            const real d = dot(n, m) - plane.offset - steep * (REACH[point] + RADIUS[point]);
+            const real d = dot(n, m) - plane.offset - steep * (REACH[point] + radius);
             if (d > steep * (real)0.5 * h * speed + (real)1e-4 * (1 + size(d) + size(plane.offset))) return;
             if (field) { mask[point / WORD] |= 1u << point % WORD; return; }
         }
         const V3 p = facing(t, point, n, true);
         const V3 v = at(t.velocity[link], p);
-        const real d = dot(n, p) - plane.offset, way = (real)0.5 * h * (field ? norm(v) : dot(n, v));
+        const real d = dot(n, p) - plane.offset, way = h * (field ? norm(v) : (real)0.5 * dot(n, v));
         // With room for rounding; `press` decides.
-        if (!(d - steep * (RADIUS[point] + size(way)) > (real)1e-4 * (1 + size(d) + size(plane.offset)))) mask[point / WORD] |= 1u << point % WORD;
+        if (!(d - steep * (radius + size(way)) > (real)1e-4 * (1 + size(d) + size(plane.offset)))) mask[point / WORD] |= 1u << point % WORD;
     });
 }
 
@@ -174,13 +242,13 @@ FN bool meet(Work& w, int point, real h) {
     const Motion& twist = tr.velocity[POINT_LINK[point]];
     real speed = norm(at(twist, middle(tr, point)));
     if (LOCI) speed += norm(twist.ang) * REACH[point];
-    const real reach = RADIUS[point] + h * speed;
     real d[NC + 1];
     for (int c = 0; c < w.surfaces; c++) {
-        d[c] = meets(tr, w.surface[c], point, n, nearest);
+        d[c] = may(w, point, c) ? meets(tr, w.surface[c], point, n, nearest) : infinite();
         if (!(d[c] == d[c])) return false;
     }
     for (int c = 0; c < w.surfaces; c++) {
+        const real reach = RADIUS[point] + margin(w, point, c) + falls(w, h) + h * speed;
         if (!(d[c] < reach)) continue;
         meets(tr, w.surface[c], point, n, nearest);
         // A place of a surface that a nearer collider covers is no surface.
@@ -205,7 +273,7 @@ BIG bool find(Work& w, real h) {
     unsigned mask[WORDS];
     const bool flat = w.surfaces == 1 && (w.surface[0].kind == 1 || FIELDS && w.surface[0].kind == 4);
     for (int k = 0; k < WORDS; k++) mask[k] = flat ? 0 : ~0u;
-    if (flat) near(tr, w.surface[0], h, mask);
+    if (flat) near(w, h, mask);
     for (int k = 0; k < WORDS && w.surfaces > 0; k++) {
         unsigned left = mask[k];
         for (int point = k * WORD; left && point < NP; point++, left >>= 1)
@@ -252,6 +320,26 @@ template <class I> FN void columns(const Tree& t, I link, V3 x, V3* a) {
         }
     });
 }
+
+#if TURNS
+// The columns of a link's turn likewise.
+template <class I> FN void spins(const Tree& t, I link, V3* a) {
+    upward(last_dof(link), [&](auto k) { a[k] = v3(0, 0, 0); });
+    lineage(link, [&](auto i) {
+        if (DOFS && i == 0) for (int k = 0; k < 3; k++) a[k] = unit(k);
+        else a[DOF[i]] = a[DOF[i]] + t.axis[i].ang;
+    });
+}
+
+// Of a point, whether torsional or rolling friction acts; their drags, at a normal force and a turn, and their torque.
+FN bool turns(const Touch& t) { return t.torsion > 0 || t.rolling > 0; }
+FN void turn_drags(const Touch& t, real normal, V3 spin, real& about, real& across) {
+    const real rate = dot(t.normal, spin);
+    about = t.torsion * normal / most(size(rate), CREEP);
+    across = t.rolling * normal / most(norm(spin - t.normal * rate), CREEP);
+}
+FN V3 turn_torque(const Touch& t, V3 spin) { return t.normal * ((t.turning - t.about) * dot(t.normal, spin)) - spin * t.turning; }
+#endif
 
 // f(touch, link) for every point that touches.
 template <class F> FN void points(Work& w, const F& f) {

@@ -13,6 +13,7 @@ struct Tree {
     real qd[NV];         // local: (w, p_dot) of a floating root
     M3 rotation[NL];
     V3 position[NL];     // from the origin
+    V3 centre;           // what the place in q is, on the root's link: its origin, or in an implicit frame its centre of mass (spin.cuh)
     Motion axis[NL];
     Motion velocity[NL];
     real tau[NV];        // bias
@@ -44,7 +45,7 @@ BIG void kinematics(Tree& t) {
     M3 base;
     if (DOFS) base = matrix(read4(t.q + 3));
     else for (int k = 0; k < 9; k++) base.m[k] = BASE[k];
-    if (DOFS) { t.rotation[0] = base; t.position[0] = v3(0, 0, 0); }
+    if (DOFS) { t.rotation[0] = base; t.position[0] = CENTRED ? base * t.centre * -1 : v3(0, 0, 0); }
     onward<DOFS ? 1 : 0, NL>([&](auto i) {
         const int p = PARENT[i];
         const M3 parent = p < 0 ? base : t.rotation[p];
@@ -84,6 +85,13 @@ FN void twists(const Tree& t, const real* qd, Motion* twist) {
 
 BIG void velocities(Tree& t, const real* qd) { twists(t, qd, t.velocity); }
 
+// The weight of what is lifted of a link, at its place; what the damping of a free root resists a twist with.
+template <class I> FN V3 lifted(const Tree& t, I i) { return t.position[i] + t.rotation[i] * read3(LIFT(t) + 4 * i + 1); }
+FN Wrench drag(const Tree& t, const Motion& v) {
+    const V3 f = at(v, t.position[0]) * (real)ROOT_DAMPING;
+    return wrench(v.ang * (real)ROOT_DAMPING + cross(t.position[0], f), f);
+}
+
 // Torques at zero acceleration into t.tau, those of wrenches from outside taken off; fills t.velocity.
 BIG void bias(Tree& t, const real* qd, V3 gravity, const Wrench* external) {
     Motion velocity[NL], acceleration[NL];
@@ -108,6 +116,11 @@ BIG void bias(Tree& t, const real* qd, V3 gravity, const Wrench* external) {
         const V3 f = (at(a, c) + cross(v.ang, at(v, c))) * MASS(t)[i];
         const V3 w = back(r, v.ang), wd = back(r, a.ang);
         force[i] = wrench(r * (body * wd + cross(w, body * w)) + cross(c, f), f);
+#if LIFTS
+        const V3 weight = gravity * LIFT(t)[4 * i];
+        force[i] = force[i] + wrench(cross(lifted(t, i), weight), weight);
+#endif
+        if (FREED && i == 0) force[0] = force[0] + drag(t, v);
         if (external) force[i] = wrench(force[i].ang - external[i].ang, force[i].lin - external[i].lin);
     });
     real tau[NV];

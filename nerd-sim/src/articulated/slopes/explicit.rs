@@ -4,13 +4,15 @@ use nalgebra::Quaternion;
 
 use super::super::kept::Flown;
 use super::super::memory::{Flight, Memory};
+use super::Place;
 use super::numbers::{DAMPING, GRAVITY};
 use super::row::{Row, set};
 use crate::prelude::*;
 
 impl Row {
     /// Back over the frame's substeps.
-    pub(super) fn back_flights(&mut self, system: &System, flights: &[Flown], memory: &mut Memory) {
+    pub(super) fn back_flights(&mut self, place: Place, flights: &[Flown], memory: &mut Memory) {
+        let Place { system, scene, .. } = place;
         let robot = &system.robot;
         let dt = system.frame_time * 4.0 / flights.len() as f64;
         for stages in flights.chunks_exact(4).rev() {
@@ -27,7 +29,7 @@ impl Row {
                 let own = &mut memory.flight;
                 let sums = own.by_end.iter().zip(&own.by_stage).map(|(end, stage)| dt * (weight / 6.0 * end + next * stage));
                 own.by_rate.iter_mut().zip(sums).for_each(|(b, sum)| *b = sum);
-                self.back_rate(robot, stage, memory);
+                self.back_rate((robot, &scene.gravity), stage, memory);
                 let own = &mut memory.flight;
                 own.by_state.iter_mut().zip(&own.by_stage).for_each(|(s, t)| *s += t);
             }
@@ -36,7 +38,7 @@ impl Row {
     }
 
     /// Back over the rate of a stage, `explicit::rate`: writes the gradient by its state's numbers. Its own pose and speed are working memory.
-    fn back_rate(&mut self, robot: &Robot, stage: &Flown, memory: &mut Memory) {
+    fn back_rate(&mut self, (robot, gravity): (&Robot, &Vector3<f64>), stage: &Flown, memory: &mut Memory) {
         let (nq, dofs, coords) = (robot.nq(), robot.root_dofs(), robot.root_coords());
         let Memory { adjoint, flight: Flight { by_stage, by_rate, virtuals, qdd, .. }, .. } = memory;
         let (data, (q, qd)) = (&stage.data, stage.state.split_at(nq));
@@ -53,11 +55,11 @@ impl Row {
         }
         stage.factor.solve(virtuals);
         self.loads.fill(Wrench::default());
-        adjoint.begin(robot, data, virtuals, qdd, &mut self.loads);
+        adjoint.begin(robot, data, (virtuals, qdd), gravity, &mut self.loads);
         self.inertias(robot, data, adjoint);
         let by_base = adjoint.end(robot, data, (virtuals, qd, qdd), &mut self.loads, &mut self.speed);
         self.numbers.add(GRAVITY, 0, (-by_base).into());
-        self.unload(robot, data);
+        self.unload(robot, data, false);
         for (i, joint) in robot.joints().enumerate() {
             let own = virtuals[dofs + i];
             self.torque[i] += own;

@@ -90,11 +90,11 @@ impl ContactLaw {
         let mut by_vn = by_normal_then * -d;
         let half = 0.5 * h * vn_then;
         // The part of the substep in which it is inside.
-        let damping = if vn_then < 0.0 { material.damping } else { 0.0 };
+        let pressed = if vn_then < 0.0 { [by_k, by_d] } else { [by_k + by_d * material.release, Vector3::zeros()] };
         let (part, _) = inside(contact.middle, half).unwrap_or_default();
         let by_friction = by_drag_then * then.by_friction - slip * drag.by_friction;
-        let by_material = [by_k * part, if vn_then < 0.0 { by_d * part } else { Vector3::zeros() }, by_drag * part, by_friction];
-        let by_part = by_k * material.stiffness + by_d * damping + by_drag * material.friction_damping;
+        let by_material = [pressed[0] * part, pressed[1] * part, by_drag * part, by_friction];
+        let by_part = by_k * material.stiffness + by_d * material.damper(vn_then) + by_drag * material.friction_damping;
         if let Some([by_middle, by_half]) = part_slopes(contact.middle, half) {
             by_vn += (by_gap * -0.5 + by_part * by_half) * (0.5 * h * half.signum());
             by_gap = by_gap * 0.5 + by_part * by_middle;
@@ -117,7 +117,7 @@ impl ContactLaw {
 
 /// Slopes of the part in `touch::inside`, by the gap in the middle and by the size of what it changes by in half a substep; those of the gap are a
 /// half, and minus that. None of what is inside all the time: then the gap is that of the middle.
-fn part_slopes(middle: f64, half: f64) -> Option<[f64; 2]> {
+pub(super) fn part_slopes(middle: f64, half: f64) -> Option<[f64; 2]> {
     let half = half.abs();
     (middle + half > 0.0).then(|| [-0.5 / half, 0.5 * middle / (half * half)])
 }

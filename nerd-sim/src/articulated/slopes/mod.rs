@@ -6,6 +6,7 @@ mod law;
 mod numbers;
 mod row;
 mod stage;
+mod turn;
 mod weigh;
 
 use nerd_core::dynamics::{crba, motions, motions_back};
@@ -14,7 +15,8 @@ pub use numbers::numbers;
 use row::Row;
 use stage::Place;
 
-use super::{config::Settings, kept::Step, memory::Memory, workspace::Workspace};
+use super::{config::Settings, kept::Step, memory::Memory, spin::stand, workspace::Workspace};
+use crate::drive::servos_back;
 use crate::prelude::*;
 use crate::solver::Slopes;
 use crate::solver::parallel::{Back, Frame};
@@ -59,15 +61,21 @@ impl Back for Workspace {
         let begin = |by_next| Row::begin(robot, &next, by_next, self.touches.weights.len(), Numbers::new(robot, scene, numbers));
         let mut rows: Vec<Row> = by_next.chunks_exact(2 * robot.nv()).map(begin).collect();
         if kept.flights().is_empty() {
+            rows.iter_mut().for_each(|row| row.centre(robot, &next, -1.0));
             self.back_implicit(place, &kept.steps, &mut rows, &mut memory);
+            rows.iter_mut().for_each(|row| row.centre(robot, state, 1.0));
         } else {
-            rows.iter_mut().for_each(|row| row.back_flights(system, kept.flights(), &mut memory));
+            rows.iter_mut().for_each(|row| row.back_flights(place, kept.flights(), &mut memory));
         }
         memory.kept = kept;
         self.back = Some(memory);
         let mut out = Slopes { next, ..Slopes::default() };
-        for row in rows {
-            out.states.extend(row.end(robot, state));
+        for mut row in rows {
+            let mut by_state = row.end(robot, state);
+            if self.servo {
+                servos_back(system, &row.drives, &mut by_state, &mut row.torque);
+            }
+            out.states.extend(by_state);
             out.torques.extend(row.torque);
             out.numbers.extend(row.numbers.values);
         }
@@ -84,7 +92,7 @@ impl Workspace {
             let (before, h) = (&steps[..number], step.h);
             let Some(last) = step.stages.last() else { continue };
             let end: Vec<f64> = step.qd.iter().zip(&last.rate).map(|(v, a)| v + h * a).collect();
-            kinematics(robot, &step.q, &mut self.data);
+            stand(robot, &step.q, &mut self.data);
             crba(robot, &mut self.data);
             motions(robot, &step.qd, &self.data, &mut memory.starts);
             let mut after: Vec<Vec<f64>> = Vec::new();
@@ -106,7 +114,7 @@ impl Workspace {
             self.back_weights(place, step, before, rows, memory);
             for row in rows.iter_mut().rev() {
                 motions_back(robot, &self.data, &step.qd, &mut row.starts, &mut row.loads, &mut row.speed);
-                row.unload(robot, &self.data);
+                row.unload(robot, &self.data, true);
                 row.drift(robot, &step.qd, 0.5 * h);
                 let after = after.pop();
                 row.pose.iter_mut().zip(after.iter().flatten()).for_each(|(p, a)| *p += a);

@@ -15,14 +15,15 @@ pub(super) const ARMATURE: Number = (1, 2);
 const PLACE: Number = (2, 0);
 const RADIUS: Number = (2, 3);
 pub(super) const MATERIAL: Number = (3, 0);
-pub(super) const NORMAL: Number = (3, 4);
-pub(super) const OFFSET: Number = (3, 7);
+pub(super) const NORMAL: Number = (3, 7);
+pub(super) const OFFSET: Number = (3, 10);
 pub(super) const GRAVITY: Number = (4, 0);
-const WIDTHS: [usize; 5] = [16, 3, 4, 8, 3];
+const WIDTHS: [usize; 5] = [16, 3, 4, 11, 3];
 
 /// Where each part begins, and where the last one ends. Of every link mass (kg), centre of mass (m), inertia about that (kg m^2, nine numbers) and
 /// where its joint is on the link above (m); of every joint damping, dry friction and armature; of every contact point its place (m) and radius (m);
-/// of every collider the material that the robot meets it with, and of a plane its normal and offset (m); gravity (m/s^2).
+/// of every collider the material that the robot meets it with (of geoms that a file tells apart that of which theirs are multiples), and of a plane
+/// its normal and offset (m); gravity (m/s^2).
 #[derive(Clone, Copy)]
 struct Layout([usize; 6]);
 
@@ -59,7 +60,7 @@ pub fn numbers(system: &System, scene: &Scene) -> Vec<f64> {
     }
     for (i, collider) in scene.colliders.iter().enumerate() {
         let m = collider.material.mean(&system.spec.material);
-        set(MATERIAL, i, &[m.stiffness, m.damping, m.friction_damping, m.friction]);
+        set(MATERIAL, i, &[m.stiffness, m.damping, m.friction_damping, m.friction, m.torsion, m.rolling, m.margin]);
         if let Some(plane) = &collider.plane {
             set(NORMAL, i, plane.normal.as_slice());
             set(OFFSET, i, &[plane.offset]);

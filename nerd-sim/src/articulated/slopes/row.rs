@@ -4,7 +4,8 @@ use nalgebra::Rotation3;
 use nerd_core::dynamics::{Adjoint, onto};
 use nerd_core::frames::own_velocity;
 
-use super::numbers::{Numbers, ORIGIN};
+use super::super::spin::arm;
+use super::numbers::{COM, Numbers, ORIGIN};
 use crate::prelude::*;
 
 /// Gradients by what a substep begins with. Those by the pose and velocity of a floating root are in world axes: by a turn, by a way of its
@@ -15,6 +16,8 @@ pub(super) struct Row {
     /// By the rate of the solve before.
     pub(super) rate: Vec<f64>,
     pub(super) torque: Vec<f64>,
+    /// By target and speed of each joint's drive.
+    pub(super) drives: Vec<[f64; 2]>,
     /// By w of every touch, and by dampings and shares of the joints: of all the frame's substeps so far.
     pub(super) weights: Vec<f64>,
     pub(super) braked: Vec<f64>,
@@ -44,6 +47,7 @@ impl Row {
             speed,
             rate: vec![0.0; nv],
             torque: vec![0.0; joints],
+            drives: vec![[0.0; 2]; joints],
             weights: vec![0.0; weights],
             braked: vec![0.0; joints],
             shares: vec![0.0; joints],
@@ -66,6 +70,18 @@ impl Row {
         out
     }
 
+    /// From gradients by a root's place to those by its link's centre of mass (`sign` -1), at a state; or back.
+    pub(super) fn centre(&mut self, robot: &Robot, state: &[f64], sign: f64) {
+        if robot.floating() {
+            let (r, arm, w) = (quaternion(&state[3..7]), arm(robot, state) * sign, vector(&state[robot.nq()..]));
+            let [turn, way, by_w, by_v] = [&self.pose, &self.pose[3..], &self.speed, &self.speed[3..]].map(vector);
+            let by_arm = way + by_v.cross(&w);
+            set(&mut self.pose, [turn + arm.cross(&by_arm), way]);
+            set(&mut self.speed, [by_w + arm.cross(&by_v), by_v]);
+            self.numbers.add(COM, 0, (r.inverse() * by_arm * sign).into());
+        }
+    }
+
     /// Gradients by the links' inertias of what [`Adjoint::begin`] began with, `Y . I v - L . I a`.
     pub(super) fn inertias(&mut self, robot: &Robot, data: &Data, adjoint: &Adjoint) {
         for i in 0..if self.numbers.asked() { robot.links.len() } else { 0 } {
@@ -75,12 +91,17 @@ impl Row {
         }
     }
 
-    /// What loads on links do along each DoF of the pose, the way of a root apart, and to where their joints are on the links above.
-    pub(super) fn unload(&mut self, robot: &Robot, data: &Data) {
+    /// What loads on links do along each DoF of the pose, the way of a root apart, and to where their joints are on the links above; in a substep
+    /// that looks ahead, or another.
+    pub(super) fn unload(&mut self, robot: &Robot, data: &Data, ahead: bool) {
         let way = [3, 4, 5].map(|k| self.pose.get(k).copied().unwrap_or_default());
         onto(robot, data, &mut self.loads, &mut self.pose);
         if robot.floating() {
             (0..3).for_each(|k| self.pose[3 + k] = way[k] + self.way[k]);
+            // All links are where they are from the centre of mass of the root's.
+            if ahead {
+                self.numbers.add(COM, 0, (data.rotation[0].tr_mul(&self.loads[0].lin) * -1.0).into());
+            }
         }
         let base = match robot.base {
             Base::Fixed(pose) => pose.rotation.to_rotation_matrix().into_inner(),

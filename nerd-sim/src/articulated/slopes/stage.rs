@@ -1,22 +1,99 @@
 //! Back over the solves of an implicit substep with one velocity in its middle, by the implicit function theorem.
 
-use nalgebra::DVector;
+use nalgebra::{DVector, Dyn, LU};
 use nerd_core::dynamics::{Adjoint, bias, motions};
 
 use super::super::kept::{Stage, Step};
+use super::super::spin::{SPINS, Spin};
 use super::super::touch::{Contact, Touch};
 use super::law::{At, ContactLaw, JointLaw};
 use super::numbers::{ARMATURE, FRICTION, GRAVITY, MATERIAL, NORMAL, OFFSET};
 use super::row::{Row, set};
-use super::{super::find::above, super::memory::Memory, super::workspace::Workspace};
+use super::turn::TurnLaw;
+use super::{super::find::above, super::kick::turns, super::memory::Memory, super::workspace::Workspace};
 use crate::prelude::*;
+use crate::scene::Meeting;
+
+/// What is left of a gradient by a spin, of what it began with, that is left out.
+const SETTLED: f64 = 1e-13;
 
 /// What acts in a stage.
 #[allow(clippy::large_enum_variant)] // Most are contacts.
 enum Law {
-    Contact(Contact, ContactLaw),
+    Contact(Contact, ContactLaw, Option<TurnLaw>),
     /// At a joint, with its place among all weights.
     Joint(usize, Option<usize>, JointLaw),
+    /// A drive, likewise.
+    Drive(usize, usize, JointLaw),
+}
+
+/// What a stage ended with.
+struct Solved<'a> {
+    place: Place<'a>,
+    step: &'a Step,
+    stage: &'a Stage,
+    laws: &'a [Law],
+    qdd: &'a [f64],
+    solver: &'a LU<f64, Dyn, Dyn>,
+    data: &'a Data,
+    starts: &'a [Motion],
+}
+
+impl Solved<'_> {
+    /// Back over its solve from a gradient `rate` of the row, to all but the middle, by which `by_middle` is the gradient.
+    fn back(&self, row: &mut Row, adjoint: &mut Adjoint, by_middle: &mut [f64]) {
+        let Self { place, step, stage, laws, qdd, solver, data, starts } = *self;
+        let (robot, h) = (&place.system.robot, step.h);
+        let dofs = robot.root_dofs();
+        let mut virtuals = DVector::from_column_slice(&row.rate);
+        if !solver.solve_mut(&mut virtuals) {
+            // No numbers are found at the end.
+            virtuals.fill(f64::NAN);
+        }
+        let virtuals = virtuals.as_slice();
+        by_middle.fill(0.0);
+        let mut by_turn = if robot.floating() { vector(&row.rate[3..]) } else { Vector3::zeros() };
+        adjoint.begin(robot, data, (virtuals, qdd), &place.scene.gravity, &mut row.loads);
+        row.inertias(robot, data, adjoint);
+        for (i, joint) in robot.joints().enumerate() {
+            let own = virtuals[dofs + i];
+            row.torque[i] += own;
+            row.pose[dofs + i] -= joint.stiffness * own;
+            row.speed[dofs + i] -= step.braked[i] * own;
+            row.braked[i] -= step.qd[dofs + i] * own;
+            row.shares[i] -= qdd[dofs + i] * own;
+            row.numbers.add(ARMATURE, i, [-qdd[dofs + i] * own]);
+        }
+        for law in laws {
+            match law {
+                Law::Contact(contact, law, turn) => {
+                    by_turn += press_back(place, contact, (law, turn.as_ref()), h, data, starts, adjoint, row);
+                }
+                Law::Joint(joint, weight, law) => {
+                    let own = virtuals[dofs + joint];
+                    row.pose[dofs + joint] += law.by_gap * own;
+                    row.speed[dofs + joint] += law.by_rate * own;
+                    weight.iter().for_each(|weight| row.weights[*weight] += law.by_weight * own);
+                    row.numbers.add(FRICTION, *joint, [law.by_most * own]);
+                }
+                Law::Drive(joint, weight, law) => {
+                    let own = virtuals[dofs + joint];
+                    let by = [law.by_gap * own, law.by_rate * own];
+                    row.pose[dofs + joint] += by[0];
+                    row.speed[dofs + joint] += by[1];
+                    row.weights[*weight] += law.by_weight * own;
+                    row.drives[*joint].iter_mut().zip(by).for_each(|(sum, by)| *sum -= by);
+                }
+            }
+        }
+        let by_base = adjoint.end(robot, data, (virtuals, &stage.middle, qdd), &mut row.loads, by_middle);
+        row.numbers.add(GRAVITY, 0, (-by_base).into());
+        if robot.floating() {
+            let [w, v, by_w, by_v] = [&stage.middle, &stage.middle[3..], by_middle, &by_middle[3..]].map(vector);
+            set(by_middle, [by_w + v.cross(&by_turn), by_v + by_turn.cross(&w)]);
+        }
+        row.speed.iter_mut().zip(by_middle.iter()).for_each(|(s, m)| *s += m);
+    }
 }
 
 /// Where the robot is.
@@ -47,60 +124,50 @@ impl Workspace {
         step.shares.iter().enumerate().for_each(|(i, share)| matrix[(dofs + i, dofs + i)] += share);
         for law in &laws {
             match law {
-                Law::Contact(contact, law) => {
+                Law::Contact(contact, law, turn) => {
                     columns.clear();
                     above(robot, data, contact.link, &contact.x, columns);
                     for (i, a) in columns.iter() {
                         let along = law.by_change.tr_mul(a) * h;
                         columns.iter().for_each(|(j, b)| matrix[(*j, *i)] -= along.dot(b));
                     }
+                    let Some(turn) = turn else { continue };
+                    for (i, a) in turns(robot, (&data.dof, &data.axis), contact.link) {
+                        let along = turn.by_change.tr_mul(&a) * h;
+                        turns(robot, (&data.dof, &data.axis), contact.link).for_each(|(j, b)| matrix[(j, i)] -= along.dot(&b));
+                        if turn.then.is_none() {
+                            let along = law.by_change.tr_mul(&contact.normal) * (turn.by_press.dot(&a) * h);
+                            columns.iter().for_each(|(j, b)| matrix[(*j, i)] -= along.dot(b));
+                        }
+                    }
                 }
-                Law::Joint(joint, _, law) => matrix[(dofs + joint, dofs + joint)] -= h * law.by_change,
+                Law::Joint(joint, _, law) | Law::Drive(joint, _, law) => matrix[(dofs + joint, dofs + joint)] -= h * law.by_change,
             }
         }
         let solver = matrix.clone().lu();
+        let spins = Spin::of(robot, data, (h, SETTLED), &step.qd).filter(|_| stage.spun);
+        let solved = Solved { place, step, stage, laws: &laws, qdd: &qdd, solver: &solver, data, starts };
         for row in rows {
-            let mut virtuals = DVector::from_column_slice(&row.rate);
-            if !solver.solve_mut(&mut virtuals) {
-                // No numbers are found at the end.
-                virtuals.fill(f64::NAN);
-            }
-            let virtuals = virtuals.as_slice();
-            by_middle.fill(0.0);
-            let mut by_turn = if robot.floating() { vector(&row.rate[3..]) } else { Vector3::zeros() };
-            adjoint.begin(robot, data, virtuals, &qdd, &mut row.loads);
-            row.inertias(robot, data, adjoint);
-            for (i, joint) in robot.joints().enumerate() {
-                let own = virtuals[dofs + i];
-                row.torque[i] += own;
-                row.pose[dofs + i] -= joint.stiffness * own;
-                row.speed[dofs + i] -= step.braked[i] * own;
-                row.braked[i] -= step.qd[dofs + i] * own;
-                row.shares[i] -= qdd[dofs + i] * own;
-                row.numbers.add(ARMATURE, i, [-qdd[dofs + i] * own]);
-            }
-            for law in &laws {
-                match law {
-                    Law::Contact(contact, law) => {
-                        by_turn += press_back(place, contact, law, h, data, starts, adjoint, row);
-                    }
-                    Law::Joint(joint, weight, law) => {
-                        let own = virtuals[dofs + joint];
-                        row.pose[dofs + joint] += law.by_gap * own;
-                        row.speed[dofs + joint] += law.by_rate * own;
-                        weight.iter().for_each(|weight| row.weights[*weight] += law.by_weight * own);
-                        row.numbers.add(FRICTION, *joint, [law.by_most * own]);
+            solved.back(row, adjoint, by_middle);
+            let mut by_rate = by_middle.clone();
+            if let Some(spins) = &spins {
+                let mut off = vector(by_middle) * (0.5 * h);
+                // The middle's spin is that of the rate that is gone back over: what is left of its gradient asks for more by that rate.
+                let least = SETTLED * off.norm();
+                for _ in 0..SPINS {
+                    let more = spins.back(&stage.middle, &off);
+                    row.rate.fill(0.0);
+                    row.rate[..3].copy_from_slice(more.as_slice());
+                    solved.back(row, adjoint, by_middle);
+                    by_rate.iter_mut().zip(by_middle.iter()).for_each(|(sum, by)| *sum += by);
+                    off += vector(by_middle) * (0.5 * h) - more;
+                    if off.norm() <= least {
+                        break;
                     }
                 }
+                by_rate[..3].fill(0.0);
             }
-            let by_base = adjoint.end(robot, data, (virtuals, &stage.middle, &qdd), &mut row.loads, by_middle);
-            row.numbers.add(GRAVITY, 0, (-by_base).into());
-            if robot.floating() {
-                let [w, v, by_w, by_v] = [&stage.middle, &stage.middle[3..], by_middle, &by_middle[3..]].map(vector);
-                set(by_middle, [by_w + v.cross(&by_turn), by_v + by_turn.cross(&w)]);
-            }
-            row.speed.iter_mut().zip(by_middle.iter()).for_each(|(s, m)| *s += m);
-            row.rate.iter_mut().zip(by_middle.iter()).for_each(|(r, m)| *r = 0.5 * h * m);
+            row.rate.iter_mut().zip(&by_rate).for_each(|(r, m)| *r = 0.5 * h * m);
         }
     }
 
@@ -115,9 +182,9 @@ impl Workspace {
             Touch::Contact(contact) => {
                 let (at, mut contact) = (At { weight: weight(contact.index), ..at }, contact.clone());
                 contact.bend(&robot.contact_points[contact.point], &self.data, &(scene.gravity - turn), turn, h);
-                let material = &self.materials[contact.index % scene.colliders.len()];
-                let law = ContactLaw::of(&contact, &at, material, &(quickened[contact.link].at(&contact.x) * h));
-                Law::Contact(contact, law)
+                let law = ContactLaw::of(&contact, &at, &contact.whole, &(quickened[contact.link].at(&contact.x) * h));
+                let turn = contact.turns().then(|| TurnLaw::of(&contact, &at, &law, &(quickened[contact.link].ang * h)));
+                Law::Contact(contact, law, turn)
             }
             Touch::Limit(spring) => {
                 let at = At { weight: weight(spring.index), ..at };
@@ -126,7 +193,7 @@ impl Workspace {
             }
             Touch::Drive { spring, .. } => {
                 let at = At { weight: weight(spring.index), ..at };
-                Law::Joint(spring.joint, Some(spring.index), JointLaw::spring(spring, &at, None, change(spring.joint)))
+                Law::Drive(spring.joint, spring.index, JointLaw::spring(spring, &at, None, change(spring.joint)))
             }
             Touch::Friction(dry) => Law::Joint(dry.joint, None, JointLaw::friction(dry, &at, change(dry.joint))),
         };
@@ -139,7 +206,7 @@ impl Workspace {
 fn press_back(
     place: Place,
     contact: &Contact,
-    law: &ContactLaw,
+    (law, turn): (&ContactLaw, Option<&TurnLaw>),
     h: f64,
     data: &Data,
     starts: &[Motion],
@@ -150,9 +217,22 @@ fn press_back(
     let radius = place.system.robot.contact_points[contact.point].radius;
     let (twist, bent) = (&data.velocity[i], &data.acceleration[i]);
     let (own, quickened) = (adjoint.virtuals[i], adjoint.quickened[i]);
-    let by_force = own.at(x);
-    let [by_change, by_velocity, by_bend] = [law.by_change, law.by_velocity, law.by_bend].map(|slope| slope.tr_mul(&by_force));
-    let (by_gap, along) = (law.by_gap.dot(&by_force), by_change * h);
+    // A torque follows the normal force, and so all that this does.
+    let by_press = turn.map_or(0.0, |turn| turn.by_press.dot(&own.ang));
+    let then = turn.and_then(|turn| turn.then.as_ref());
+    let by_force = if then.is_some() { own.at(x) } else { own.at(x) + n * by_press };
+    let [by_change, mut by_velocity, by_bend] = [law.by_change, law.by_velocity, law.by_bend].map(|slope| slope.tr_mul(&by_force));
+    let (mut by_gap, along) = (law.by_gap.dot(&by_force), by_change * h);
+    if let Some(then) = then {
+        by_gap += then.by_gap * by_press;
+        by_velocity += n * (then.by_vn * by_press);
+    }
+    if let Some(turn) = turn {
+        let by = |slope: &Matrix3<f64>, size: f64| Wrench::new(slope.tr_mul(&own.ang) * size, Vector3::zeros());
+        adjoint.by_virtual[i].ang += turn.torque;
+        adjoint.by_quickened[i] += by(&turn.by_change, h);
+        row.starts[i] += by(&turn.by_spin, 1.0);
+    }
     row.weights[contact.index] += law.by_weight.dot(&by_force);
     row.way += n * by_gap;
     // Its place moves with the middle of its ball, and bends with what that does: w x (velocity of the middle).
@@ -170,9 +250,30 @@ fn press_back(
     row.loads[i] += Wrench::force_at(by_middle, &middle);
     if row.numbers.asked() {
         let collider = contact.index % place.scene.colliders.len();
-        row.numbers.add(MATERIAL, collider, law.by_material.map(|by| by.dot(&by_force)));
+        let mut by_material = [0.0; 7];
+        by_material.iter_mut().zip(&law.by_material).for_each(|(own, by)| *own = by.dot(&by_force));
+        by_material[6] = -by_gap;
+        let mut by_turned = law.by_normal.tr_mul(&by_force);
+        if let Some(turn) = turn {
+            [4, 5].into_iter().zip(&turn.by_arms).for_each(|(k, by)| by_material[k] = by.dot(&own.ang));
+            by_turned += turn.by_normal.tr_mul(&own.ang);
+            match then {
+                Some(then) => {
+                    by_turned += contact.velocity * (then.by_vn * by_press);
+                    by_material.iter_mut().zip(then.by_material).for_each(|(own, by)| *own += by * by_press);
+                }
+                None => by_turned += law.force * by_press,
+            }
+        }
+        let mets = place.system.surfaces.meeting(&place.system.robot.contact_points[contact.point], &place.scene.colliders[collider]);
+        if let Some(Meeting::Law(pair)) = mets {
+            // What the file says of a pair is held: its material is a multiple of the robot's, and its friction follows where one is set for all.
+            let one = f64::from(place.system.one_friction.is_some() && pair.condim > 1);
+            by_material.iter_mut().zip([pair.factors[0], pair.factors[1], 1.0, one, 0.0, 0.0, 0.0]).for_each(|(by, own)| *by *= own);
+        }
+        row.numbers.add(MATERIAL, collider, by_material);
         row.numbers.add(GRAVITY, 0, by_bend.into());
-        let by_normal = law.by_normal.tr_mul(&by_force) + (middle + data.origin) * by_gap - (by_place - n * by_gap) * radius;
+        let by_normal = by_turned + (middle + data.origin) * by_gap - (by_place - n * by_gap) * radius;
         row.numbers.add(NORMAL, collider, by_normal.into());
         row.numbers.add(OFFSET, collider, [-by_gap]);
         row.numbers.point(&place.system.robot, contact.point, data.rotation[i].tr_mul(&by_middle), -n.dot(&by_place));

@@ -72,11 +72,12 @@ fn tip(trial: &Trial, times: f64) -> Result<f64, Error> {
     let tip = &mut system.robot.links[1].inertia;
     (tip.mass, tip.inertia) = (times * tip.mass, times * tip.inertia);
     let motion = trial.passive(&Arc::new(system), "ground1", &[0.0, 0.0, -7.0, 0.0], 120)?;
-    // The heavy tip, of 250 t, goes through this soft ground by right and loses 0.4 % of its energy there, and so does what drives the light one.
+    // The heavy tip, of 250 t, rightly penetrates this soft ground and loses 0.4 % of its energy there; so does the mass that drives the
+    // light tip. Only the usual tip must stay above the ground.
     Ok(if times == 1.0 { motion.above(gain(&motion)) } else { gain(&motion) })
 }
 
-/// Largest gain of energy over that of the start, against the start's kinetic energy.
+/// Largest energy above the start's, relative to the start's kinetic energy.
 fn gain(motion: &Motion) -> f64 {
     let (e, first) = (motion.energies(), motion.totals()[0].kinetic);
     e.iter().map(|x| (x - e[0]) / first).fold(0.0, f64::max)
@@ -144,7 +145,7 @@ fn stopping(trial: &Trial) -> Result<f64, Error> {
     Ok(worst)
 }
 
-/// Way down a slope in `frames` frames from rest (m).
+/// Distance down a slope in `frames` frames from rest (m).
 fn down(trial: &Trial, body: Body, degrees: f64, height: f64, frames: usize) -> Result<(f64, f64), Error> {
     let slope = degrees.to_radians();
     let body = Body { slope, ..body };
@@ -190,7 +191,7 @@ fn yaws(trial: &Trial, body: Body, height: f64) -> Result<f64, Error> {
         ways.push(last[0]);
     }
     let (low, high) = ways.iter().fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
-    // Something must have slid, and stopped.
+    // The body must have slid, and stopped.
     let expected = 4.0 / (2.0 * 0.4 * GRAVITY);
     Ok(if (low / expected - 1.0).abs() > 0.5 { 1.0 } else { worst.max((high - low) / high) })
 }

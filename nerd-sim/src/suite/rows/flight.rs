@@ -1,4 +1,4 @@
-//! Rows without contact or joints: what a free body must do.
+//! Rows without contact or joints: laws of a free body.
 
 use super::*;
 
@@ -63,7 +63,7 @@ fn tumbling(trial: &Trial) -> Result<f64, Error> {
     spin(trial, &Body { mass: 8.0, inertia, rpy: [roll, pitch, yaw], gravity: 0.0, ..Default::default() }, [3.0, 7.0, 2.0], 600)
 }
 
-/// Largest relative change of angular momentum; 1 if the body did not turn at all.
+/// Largest relative change of angular momentum; 1 if the body did not rotate at all.
 fn spin(trial: &Trial, body: &Body, w: [f64; 3], frames: usize) -> Result<f64, Error> {
     let motion = trial.passive(&body.system()?, "free", &Body::state([0.0; 3], UPRIGHT, w, [0.0; 3]), frames)?;
     let l: Vec<_> = motion.totals().iter().map(|t| t.momentum.ang).collect();

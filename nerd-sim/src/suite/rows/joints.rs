@@ -67,7 +67,7 @@ fn armature(trial: &Trial) -> Result<f64, Error> {
 fn limit(trial: &Trial) -> Result<f64, Error> {
     let motion = trial.passive(&slider()?, "free", &[0.0, 1.0], 60)?;
     let reach = motion.states.iter().map(|s| s[0]).fold(0.0, f64::max);
-    // A hard limit holds a hair before its end.
+    // A hard limit stops slightly before its end.
     if reach < 0.49 {
         return Ok(1.0);
     }

@@ -1,4 +1,4 @@
-//! The rows, by what they ask about.
+//! The rows, grouped by subject.
 
 mod cables;
 mod contact;

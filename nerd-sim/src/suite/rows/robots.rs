@@ -6,7 +6,7 @@ use crate::internal::*;
 /// Speed limit of ANYmal's joints (rad/s).
 const SPEED: f64 = 20.0;
 const URDF: &str = "speed limit of its URDF";
-/// The figure where a drive's torque is held for a frame, and where the drive looks a frame ahead.
+/// The figure for a drive whose torque is held over a frame, and for one that uses the predicted state a frame ahead.
 const HELD: &str = "largest joint speed, no armature, PD at 60 Hz, 2 s";
 const AHEAD: &str = "largest joint speed, no armature, PD that looks a frame ahead, 2nd second";
 
@@ -15,7 +15,7 @@ struct Drives {
     armature: f64,
     kp: f64,
     kd: f64,
-    /// Whether the torque is that of the state predicted a frame ahead.
+    /// Whether the torque uses the state predicted a frame ahead.
     ahead: bool,
 }
 
@@ -70,8 +70,8 @@ pub(super) static ROWS: [Row; 9] = [
         .why("A state that is not a number must be refused where it stands, before it spreads."),
 ];
 
-/// Mean |dq| at the end of a second between a method and itself with four times the substeps; 1, which fails, if from some start no
-/// coordinate moved by 0.3 rad or m (a fall moves one by 0.5 at least), or a free robot fell through the ground.
+/// Mean |dq| after one second between a method and itself with four times the substeps. It is 1, a failure, if from some start no
+/// coordinate moved by 0.3 rad or m (a fall moves one by at least 0.5), or a free robot fell through the ground.
 fn against_finer(trial: &Trial, robot: &str, scene: &str) -> Result<f64, Error> {
     let system = trial.robot(robot)?;
     let (nq, starts) = (system.robot.nq(), 4);
@@ -121,8 +121,8 @@ fn ant(trial: &Trial) -> Result<f64, Error> {
     Ok(worst)
 }
 
-/// The largest joint speed of two seconds under drives towards the default pose; infinite if the joints never came half way to it, since
-/// slow joints alone show no control, or the robot fell through the ground.
+/// The largest joint speed in two seconds under drives towards the default pose. Infinite if the joints never came half way to it (slow
+/// joints alone prove no control), or the robot fell through the ground.
 fn anymal(trial: &Trial, drives: Drives) -> Result<f64, Error> {
     let mut system = (*trial.robot("anymal")?).clone();
     system.robot.joints_mut().for_each(|j| j.armature = drives.armature);
@@ -134,7 +134,7 @@ fn anymal(trial: &Trial, drives: Drives) -> Result<f64, Error> {
     let hold = vec![0.0; system.robot.joint_count()];
     let motion = trial.driven(&system, "ground", &state, 120, &mut |state, tau| controller.torques(state, &hold, tau))?;
     let (joints, nq) = (system.robot.root_coords(), system.robot.nq());
-    // A drive that looks ahead closes the first gap in one frame, however fast that is; only the second second counts.
+    // A drive with prediction closes the first gap in one frame, at any speed; so only the second second counts.
     let counted = &motion.states[if drives.ahead { 60 } else { 0 }..];
     let speed = counted.iter().flat_map(|s| &s[nq + system.robot.root_dofs()..]).fold(0.0f64, |a, b| a.max(b.abs()));
     let gap = |s: &[f64]| s[joints..nq].iter().zip(system.joint_specs()).map(|(q, joint)| (q - joint.default).abs()).sum::<f64>();

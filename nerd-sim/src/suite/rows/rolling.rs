@@ -1,4 +1,4 @@
-//! Rows of bodies that travel and turn at once, whose spatial acceleration is not what their velocity changes by.
+//! Rows of bodies that translate and rotate at once, where spatial acceleration differs from the rate of the velocity.
 
 use super::*;
 
@@ -27,7 +27,7 @@ fn worst(trial: &Trial, figure: fn(&Motion) -> f64) -> Result<f64, Error> {
         let shape = format!(r#"<sphere radius="{radius}"/>"#);
         let body = Body { shape, inertia: [0.004; 3], material: [1e4, 100.0, 1e3, friction], ..Default::default() };
         let sunk = if trial.method.rigid { 0.0 } else { body.mass * GRAVITY / body.material[0] };
-        // The ball's lowest place stands still.
+        // The ball's lowest point is at rest.
         let spin = speed / radius;
         let start = Body::state([0.0, 0.0, radius - sunk], UPRIGHT, [0.0, spin, 0.0], [speed, 0.0, 0.0]);
         let motion = trial.passive(&body.system()?, "ground", &start, 300)?;
@@ -41,7 +41,7 @@ fn height(motion: &Motion) -> f64 {
     motion.states.iter().map(|s| (s[2] - motion.states[0][2]).abs()).fold(0.0, f64::max)
 }
 
-/// Largest relative change of energy, that in springs with it.
+/// Largest relative change of energy, springs included.
 fn energy(motion: &Motion) -> f64 {
     let e: Vec<f64> = motion.energies().iter().zip(motion.stored()).map(|(e, s)| e + s).collect();
     e.iter().map(|x| (x / e[0] - 1.0).abs()).fold(0.0, f64::max)

@@ -1,4 +1,4 @@
-//! Rows of round bodies: a wheel that rolls, a coin that wobbles, a can that stands or tips.
+//! Rows of round bodies: a rolling wheel, a wobbling coin, a can that stands or tips.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -41,9 +41,8 @@ fn wheel(trial: &Trial) -> Result<f64, Error> {
     Ok((last[0] / 5.0 - 1.0).abs().max(last[1].abs()).max((last[2] / high - 1.0).abs()))
 }
 
-/// A coin at angle a from the ground whose centre rests turns about the line from it to the place that touches,
-/// `r = -R t - l n` with t up the coin's face and n its axis. `d/dt L = r x m g` gives
-/// `W^2 sin a (I_t cos a - I_n l / R sin a) = m g (R cos a - l sin a)`.
+/// A coin at angle a from the ground whose centre is at rest rotates about the line from the centre to the contact, `r = -R t - l n` with t
+/// up the coin's face and n its axis. `d/dt L = r x m g` gives `W^2 sin a (I_t cos a - I_n l / R sin a) = m g (R cos a - l sin a)`.
 fn coin(trial: &Trial) -> Result<f64, Error> {
     let (radius, half, a) = (0.1, 0.001, PI / 6.0);
     let system = cylinder([radius, 2.0 * half], [1e5, 100.0, 1e4, 0.5])?;

@@ -6,11 +6,11 @@ use std::f64::consts::TAU;
 use super::*;
 use crate::suite::trial::rise;
 
-/// Speed forwards (m/s), and about the axis across it (rad/s): it turns over as it runs.
+/// Forward speed (m/s), and angular velocity about the axis across it (rad/s): the robot tumbles as it runs.
 const SPEED: f64 = 8.0;
 const TURN: f64 = 10.0;
-/// Each motor gives its most times `sin(TAU (BEAT t + phase / 8))`, t at the start of a frame (Hz; hip and ankle by leg). Of a
-/// thousand such drives with random phases this is the one under which preset `paper` invents most.
+/// Each motor applies its largest torque times `sin(TAU (BEAT t + phase / 8))`, t at the start of a frame (Hz; hip and ankle by leg). Of a
+/// thousand such drives with random phases, preset `paper` creates most energy under this one.
 const BEAT: f64 = 6.0;
 const PHASES: [f64; 8] = [6.0, 4.0, 4.0, 1.0, 0.0, 3.0, 7.0, 3.0];
 const FRAMES: usize = 60;
@@ -24,7 +24,7 @@ pub(super) static ROWS: [Row; 2] = [
         .why("A leg thrown about must not push the whole: a mass matrix a frame old forgets where the legs have gone."),
 ];
 
-/// A second of running, begun with the torso so high (m) above the ground.
+/// A second of running, with the torso at this height (m) above the ground at the start.
 fn run(trial: &Trial, height: f64) -> Result<(Arc<System>, Motion), Error> {
     let system = trial.robot("ant")?;
     let mut state = system.default_state();
@@ -47,7 +47,7 @@ fn run(trial: &Trial, height: f64) -> Result<(Arc<System>, Motion), Error> {
     Ok((system.clone(), motion))
 }
 
-/// Largest rise of energy, that of springs with it and the motors' work without, over its least before; 1 if it hardly moved.
+/// Largest rise of energy (springs included, motor work subtracted) relative to its least value before; 1 if the robot hardly moved.
 fn energy(trial: &Trial) -> Result<f64, Error> {
     let (_, motion) = run(trial, 0.8)?;
     let (totals, stored) = (motion.totals(), motion.stored());
@@ -57,7 +57,8 @@ fn energy(trial: &Trial) -> Result<f64, Error> {
     Ok(if way.norm() > 1.0 { rise / totals[0].kinetic } else { 1.0 })
 }
 
-/// Largest change of linear momentum but for gravity's, and of angular momentum about the centre of mass, each of its first.
+/// Largest change of linear momentum, gravity's share excluded, and of angular momentum about the centre of mass, each relative to its
+/// first value.
 fn momentum(trial: &Trial) -> Result<f64, Error> {
     let (system, motion) = run(trial, 20.0)?;
     let totals = motion.totals();

@@ -3,14 +3,14 @@
 use super::spec::{CableSpec, Held};
 use crate::{internal::*, system::derive::rounded};
 
-/// Seconds in which a bent piece comes to rest where no damping is given: leads, hoses and ropes lose a bend in a moment. A chain of springs
-/// that loses nothing shakes ever faster.
+/// Time (s) in which a bent piece comes to rest if no damping is given: leads, hoses and ropes lose a bend in a moment. An undamped chain
+/// of springs would shake ever faster.
 const REST: f64 = 0.01;
-/// How fast a gripper follows (rad/s): 4 Hz.
+/// Natural frequency (rad/s) of a gripper's axes: 4 Hz.
 const PULSE: f64 = 8.0 * std::f64::consts::PI;
 
 impl CableSpec {
-    /// The chain. Its links are called `rod1`, `rod2`, .., its joints `bend1`, `sway1`, `twist1`, ..; those of a gripper `x`, `y`, `z`,
+    /// The chain. Its links are called `rod1`, `rod2`, .., its joints `bend1`, `sway1`, `twist1`, ..; a gripper's joints `x`, `y`, `z`,
     /// `yaw`, `pitch`, `roll`.
     pub fn robot(&self, name: &str) -> Robot {
         let at = Isometry3::translation(self.at()[0], self.at()[1], self.at()[2]);
@@ -27,7 +27,7 @@ impl CableSpec {
         for k in 0..self.links {
             let name = format!("rod{}", k + 1);
             if k == 0 && self.held == Held::Free {
-                robot.links.push(Link { name, parent: None, joint: None, inertia: rod, shapes: Vec::new() });
+                robot.links.push(Link::new(name, None, None, rod));
                 parent = Some(0);
             } else {
                 let clamped = k == 0;
@@ -49,7 +49,7 @@ impl CableSpec {
                     };
                     let (name, inertia) =
                         if i == last { (name.clone(), rod) } else { (format!("{word}{}", k + 1), BodyInertia::default()) };
-                    robot.links.push(Link { name, parent, joint: Some(joint), inertia, shapes: Vec::new() });
+                    robot.links.push(Link::new(name, parent, Some(joint), inertia));
                     parent = Some(robot.links.len() - 1);
                     origin = Isometry3::identity();
                 }
@@ -73,12 +73,12 @@ impl CableSpec {
             let (mass, radius) = (self.mass / self.links as f64, 3.0 * self.diameter);
             let ball = BodyInertia { mass, com: Vector3::zeros(), inertia: Matrix3::identity() * (0.4 * mass * radius * radius) };
             let (name, inertia) = if k < 5 { (format!("axis_{name}"), BodyInertia::default()) } else { ("gripper".into(), ball) };
-            robot.links.push(Link { name, parent: k.checked_sub(1), joint: Some(joint), inertia, shapes: Vec::new() });
+            robot.links.push(Link::new(name, k.checked_sub(1), Some(joint), inertia));
         }
         5
     }
 
-    /// Inertia and stiffness of an axis of the gripper: the cable sags it by little, and does not hurry it.
+    /// Inertia and stiffness of an axis of the gripper: large enough that the cable hardly moves it.
     fn drive(&self, slides: bool) -> (f64, f64) {
         let stiffness = if slides { 10.0 * self.mass * PULSE * PULSE } else { 25.0 * self.mass * GRAVITY * self.length };
         (rounded(stiffness / (PULSE * PULSE)), rounded(stiffness))

@@ -35,7 +35,7 @@ pub struct CableSpec {
     pub bending: f64,
     /// Twisting stiffness G J (N m^2); without it, it does not twist.
     pub twisting: Option<f64>,
-    /// Damping of bending: moment for a unit of the rate of curvature (N m^2 s); that of twisting is in the same ratio to its stiffness
+    /// Damping of bending: moment per unit rate of curvature (N m^2 s); the damping of twisting has the same ratio to its stiffness
     /// [default: 0.01 s times the stiffness].
     pub damping: Option<f64>,
     /// Number of rods.
@@ -60,7 +60,7 @@ fn ahead() -> [f64; 3] {
 }
 
 impl CableSpec {
-    /// Refuses what is no cable.
+    /// Refuses an impossible cable.
     pub fn check(&self) -> Result<(), String> {
         let within = |key: &str, x: f64, low: f64, high: f64, unit: &str| within(format!("[cable] {key}"), x, low..=high, unit);
         within("length", self.length, 1e-3, 1e4, "m")?;
@@ -85,18 +85,19 @@ impl CableSpec {
     }
 }
 
-/// Share of the diameter by which a cable at rest presses its contacts in.
+/// Depth of contacts of a cable at rest, as a share of the diameter.
 const GIVE: f64 = 0.01;
-/// Speed (m/s) at which a contact creeps that a fifth of its weight pushes aside.
+/// Speed (m/s) at which a contact creeps under a tangential force of a fifth of its weight.
 const CREEP: f64 = 1e-3;
-/// Spread (rad) of the far end's direction at starts. No more: joints are bent independently of each other, as no cable ever is, and what
+/// Spread (rad) of the far end's direction at starts. No more: joints are bent independently of each other, as in no real cable, and the
+/// energy of their springs is released at once.
 /// springs hold there is let go at once.
 const SPREAD: f64 = 0.06;
 /// Seconds in which a gripper goes from one random place to the next.
 const PACE: Range = Range { low: 0.3, high: 1.5 };
 
 impl CableSpec {
-    /// What a TOML says of such a robot where it says no more.
+    /// Default specification of such a robot.
     pub(crate) fn spec(&self, robot: &Robot) -> Spec {
         let mut spec = plain(robot);
         let bend = SPREAD * (3.0 / self.links as f64).sqrt();
@@ -104,12 +105,12 @@ impl CableSpec {
             let reach = match joint.name.as_str() {
                 "x" | "y" | "z" => Some(0.3 * self.length),
                 "yaw" | "pitch" | "roll" => Some(0.5),
-                // What is twisted at random rings: no hand holds it so.
+                // Twisting starts at zero: no hand would hold random twists.
                 name if name.starts_with("twist") => Some(0.0),
                 _ => None,
             };
             (own.armature, own.stiffness) = (joint.armature, joint.stiffness);
-            // A unit of action leads it as far as its reach.
+            // An action of 1 moves it as far as its reach.
             let most = reach.map_or(0.0, |reach| rounded(reach * joint.stiffness));
             (own.torque, own.gain) = (most, Some(most));
             let q = reach.map_or(between(-bend, bend), |reach| between(-reach, reach));
@@ -124,6 +125,7 @@ impl CableSpec {
             damping: rounded((stiffness * weight / GRAVITY).sqrt()),
             friction_damping: rounded(0.2 * weight / CREEP),
             friction: 0.5,
+            ..Material::default()
         };
         let touches = !robot.contact_points.is_empty();
         let start = RootStart {

@@ -3,13 +3,13 @@
 use super::limits::pose;
 use crate::internal::*;
 
-/// What is nearer to the base than this (m) wherever its joint turns is mounted on it.
+/// A contact point that comes nearer to the base than this (m) in any pose is mounted on it.
 const MOUNTED: f64 = 1e-3;
-/// Poses of the joints on the base in which their links are looked at.
+/// Poses of the joints on the base in which their links are tested.
 const POSES: usize = 16;
 
-/// Which shapes of its base a robot can touch. Of links on the base, what touches it in any of some poses is no contact point any more: it is
-/// mounted there. A shape that others are inside of at `state` is left out, with a note.
+/// Selects the shapes of the base that a robot can touch. Contact points of links on the base that touch it in any of some poses are
+/// removed: they are mounted there. A shape that other links are inside of at `state` is left out, with a note.
 pub(crate) fn settle(robot: &mut Robot, shapes: Vec<Shape>, state: &[f64], notes: &mut Vec<String>) -> Vec<Shape> {
     let Base::Fixed(at) = robot.base else { return Vec::new() };
     if shapes.is_empty() {
@@ -22,7 +22,7 @@ pub(crate) fn settle(robot: &mut Robot, shapes: Vec<Shape>, state: &[f64], notes
         let collider = Collider::shaped(&shape, &at, Material::default());
         let deep = |p: &&ContactPoint| {
             let middle = point_position(&data, p.link, &p.local);
-            robot.links[p.link].parent.is_some() && collider.meets(p, &data, &middle).distance < p.radius - MOUNTED
+            robot.links[p.link].parent.is_some() && collider.meets(p, &data, &middle, f64::INFINITY).distance < p.radius - MOUNTED
         };
         match robot.contact_points.iter().find(deep) {
             Some(p) => notes.push(format!("a shape of the base touches nothing, since `{}` is inside of it", robot.links[p.link].name)),
@@ -46,7 +46,7 @@ pub(crate) fn settle(robot: &mut Robot, shapes: Vec<Shape>, state: &[f64], notes
             let left: Vec<_> = places.iter().filter(|place| !touches(p, place)).copied().collect();
             let all = left.len() == places.len();
             if !all && !left.is_empty() && matches!(p.locus, Locus::Hull { .. }) {
-                *p = ContactPoint::hull(p.link, left, p.radius);
+                *p = ContactPoint::hull(p.link, left, p.radius).on(p.surface);
                 return true;
             }
             all

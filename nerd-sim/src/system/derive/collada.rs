@@ -1,16 +1,17 @@
-//! Vertices of a COLLADA file, with the transforms of the nodes that show them: what a hull needs of it. `<up_axis>` is not followed, as in
-//! other readers of URDF.
+//! Vertices of a COLLADA file, with the transforms of the nodes that show them, as needed for a hull. `<up_axis>` is ignored, as in other
+//! readers of URDF.
 
 use std::collections::HashMap;
 
 use nalgebra::{Matrix4, Point3, Rotation3, Unit, Vector3};
-use roxmltree::{Document, Node};
+use roxmltree::Node;
 
-use super::file::{DEEPEST, MOST, NODES};
+use super::xml::document;
+use crate::system::mesh::file::{DEEPEST, MOST, NODES};
 
 /// In metres.
 pub(super) fn vertices(text: &str) -> Result<Vec<Vector3<f64>>, String> {
-    let document = Document::parse(text).map_err(|e| e.to_string())?;
+    let document = document(text)?;
     let unit = document.descendants().find(|n| n.tag_name().name() == "unit");
     let unit = unit.and_then(|n| n.attribute("meter")?.parse::<f64>().ok()).unwrap_or(1.0);
     let ids = document.descendants().filter_map(|n| Some((n.attribute("id")?, n))).collect();
@@ -37,7 +38,7 @@ struct File<'a> {
 }
 
 impl<'a> File<'a> {
-    /// What an attribute such as `url="#id"` points to.
+    /// The target of an attribute such as `url="#id"`.
     fn target(&self, node: &Node, key: &str) -> Result<Node<'a, 'a>, String> {
         let id = node.attribute(key).unwrap_or_default().trim_start_matches('#');
         self.ids.get(id).copied().ok_or_else(|| format!("<{}> points to `{id}`, which is not there", node.tag_name().name()))

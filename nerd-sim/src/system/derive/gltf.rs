@@ -1,12 +1,12 @@
-//! Vertices of a glTF 2.0 file, as text (.gltf, with its buffers beside it or inside) or binary (.glb), with the transforms of the nodes that
-//! show them (crate gltf). Units are metres; y is not turned up, as in other readers of URDF.
+//! Vertices of a glTF 2.0 file, as text (.gltf, with its buffers beside it or inside) or binary (.glb), with the transforms of the nodes
+//! that show them (crate gltf). Units are metres; y is not rotated up, as in other readers of URDF.
 
 use base64::{Engine, prelude::BASE64_STANDARD};
 use gltf::{Gltf, Mesh, Node, buffer::Source};
 use nalgebra::{Matrix4, Point3};
 
-use super::file::{DEEPEST, MOST, NODES, bytes_of};
 use crate::internal::*;
+use crate::system::mesh::file::{DEEPEST, LARGEST, MOST, NODES, bytes_of};
 
 /// In metres; `path` is the file's, beside which its buffers are.
 pub(super) fn vertices(bytes: &[u8], path: &Path) -> Result<Vec<Vector3<f64>>, String> {
@@ -18,7 +18,12 @@ pub(super) fn vertices(bytes: &[u8], path: &Path) -> Result<Vec<Vector3<f64>>, S
             None => bytes_of(&path.with_file_name(uri.replace("%20", " "))).map_err(|e| format!("buffer {uri}: {e}")),
         },
     });
-    let mut file = File { buffers: buffers.collect::<Result<_, _>>()?, seen: 0, found: Vec::new() };
+    let mut whole = 0;
+    let borne = buffers.take_while(|buffer: &Result<Vec<u8>, String>| {
+        whole += buffer.as_ref().map_or(0, Vec::len) as u64;
+        whole <= LARGEST
+    });
+    let mut file = File { buffers: borne.collect::<Result<_, _>>()?, seen: 0, found: Vec::new() };
     match document.default_scene().or_else(|| document.scenes().next()) {
         Some(scene) => scene.nodes().try_for_each(|node| file.node(&node, Matrix4::identity(), 0))?,
         None => document.meshes().try_for_each(|mesh| file.mesh(&mesh, &Matrix4::identity()))?,
@@ -45,7 +50,7 @@ impl File {
 
     fn mesh(&mut self, mesh: &Mesh, place: &Matrix4<f64>) -> Result<(), String> {
         for primitive in mesh.primitives() {
-            // A short file may ask for as many as it likes.
+            // A short file may state any number of vertices.
             let count = primitive.get(&gltf::Semantic::Positions).map_or(0, |accessor| accessor.count());
             if count > MOST - self.found.len() {
                 return Err(format!("more than {MOST} vertices"));

@@ -1,5 +1,5 @@
-//! Settings derived from a URDF's numbers where no TOML has them: free base, materials, starts, drives.
-//! `cargo xtask inspect --robot my.urdf` prints all of it as the TOML that could be beside the file.
+//! Settings derived from a URDF's numbers where no TOML has them: free base, materials, starts, drives. `cargo xtask inspect --robot
+//! my.urdf` prints them as a TOML for the file.
 
 use std::f64::consts::PI;
 
@@ -8,6 +8,8 @@ use nerd_core::dynamics::TreeFactor;
 use super::plain::{between, listed, plain, rounded};
 use super::{
     base::settle,
+    ground::Ground,
+    limbs::Limbs,
     limits::pose,
     spread::enough,
     srdf::{ZERO, pose_of},
@@ -16,85 +18,58 @@ use super::{
 use crate::system::spec::{ControlSpec, JointSpec, RandomGains, RandomPlane, RootSpec, RootStart, StartSpec};
 use crate::{internal::*, scene::foot, system::mjcf::Description};
 
-/// Share of the robot's extent by which its weight presses its contacts in, borne by four of them; by one, if its base is fixed.
+/// Depth of contacts at rest as a share of the robot's extent, with its weight on four contacts; on one, if its base is fixed.
 const GIVE: f64 = 1e-3;
-/// Speed (m/s) at which a contact creeps that a fifth of the weight pushes aside.
+/// Time (s) in which a penetration is resolved, as by MuJoCo's defaults.
+const RELEASE: f64 = 0.04;
+/// Least range of a target (rad), as usual in training legged robots.
+const STEP: f64 = 0.25;
+/// Speed (m/s) at which a contact creeps under a tangential force of a fifth of the weight.
 const CREEP: f64 = 1e-3;
 /// Friction coefficient of rubber and metal on floors.
 const FRICTION: f64 = 0.7;
-/// Acceleration (rad/s^2 or m/s^2) that random torques give a joint beyond holding it against gravity.
+/// Acceleration (rad/s^2 or m/s^2) that random torques give a joint, in addition to holding it against gravity.
 const LIVELY: f64 = 20.0;
-/// Time (s) in which a motor's effort brings its own rotor to the joint's largest velocity.
+/// Time (s) in which a motor's effort accelerates its own rotor to the joint's largest velocity.
 const START: f64 = 0.01;
-/// Inertia of a joint, of the robot's mass times its extent squared, that is none.
+/// Joint inertia below this share of mass times extent squared counts as zero.
 const BARE: f64 = 1e-10;
-/// How much higher evaluations may start than a robot stands, of its extent.
+/// Greatest additional height of starts in evaluations, as a share of the robot's extent.
 const HIGHER: f64 = 0.06;
-/// What may be lowest near the default pose is at most so much higher in it, of the extent.
+/// Points within this share of the extent above the lowest one, in the default pose, may become the lowest near that pose.
 const NEAR: f64 = 0.1;
-/// Torque of a motor that no file knows: what bears the robot's weight on one foot at this share of the joint's distance to it, or so many times
-/// what moves with the joint, held at arm's length.
+/// Torque of a motor without data: enough to carry the robot's weight on one foot at this share of the joint's distance to it, or this
+/// multiple of the weight that moves with the joint, held at arm's length.
 const BEARS: f64 = 0.75;
 const HOLDS: f64 = 3.0;
-/// Least effort that is guessed, over the largest of the robot.
+/// Least assumed effort, relative to the robot's largest.
 const LEAST: f64 = 0.05;
-/// Effort of a joint, of the robot's weight times its extent, that no motor has.
+/// Effort of a joint, over the robot's weight times its extent, above which it is not credible.
 const ABSURD: f64 = 20.0;
-/// Error (rad) at which a position law asks for a motor's whole effort.
+/// Error (rad) at which a position law commands a motor's whole effort.
 const LEAN: f64 = 1.0;
-/// Damping of that law, of its stiffness (s).
+/// Damping of that law, as a multiple of its stiffness (s).
 const CALMS: f64 = 0.025;
-/// Largest velocity (rad/s, m/s) of a motor that no file knows.
+/// Largest velocity (rad/s, m/s) of a motor without data.
 const SPINS: f64 = 20.0;
-/// Share of a robot's height by which a leg reaches lower than what it hangs on.
-const LEG: f64 = 0.2;
-/// Contact points that are all kept: in place of more come few, on which it stands and falls as on all.
+/// Most contact points that are all kept; more are replaced by a few on which the robot stands and falls alike.
 const MOST: usize = 24;
-/// Largest velocity at starts (rad/s or m/s), where the URDF allows more.
+/// Largest velocity at starts (rad/s or m/s), if the URDF allows more.
 const FAST: f64 = 3.0;
 
-/// Whether a robot walks, rolls or flies, its base free: nothing of it moves on a fixed one, or at zero coordinates two limbs or more reach
-/// lower than all else. Limbs hang on the root or, where they reach lower by a leg's length and not by a finger's, on a pelvis below it.
-/// `robot` has a free base.
+/// Whether a robot walks, rolls or flies, so that its base is free: nothing of it moves on a fixed one, or at zero coordinates two limbs or
+/// more reach lower than everything else. `robot` has a free base.
 pub(crate) fn floats(robot: &Robot) -> bool {
-    let (mut data, n) = (Data::new(robot), robot.links.len());
-    kinematics(robot, &robot.zero_state(), &mut data);
-    // The lowest place of each link: its shapes', and its joint's; a root without shapes has its origin.
-    let mut own = vec![f64::INFINITY; n];
-    for p in &robot.contact_points {
-        own[p.link] = own[p.link].min(foot(p, &data, &Vector3::z()));
-    }
-    let origin = |link: usize| (data.origin + data.position[link]).z;
-    for link in usize::from(own[0].is_finite())..n {
-        own[link] = own[link].min(origin(link));
-    }
-    // A link with all that hangs on it comes in a row.
-    let (mut lowest, mut end) = (own.clone(), (1..=n).collect::<Vec<_>>());
-    for link in (1..n).rev() {
-        if let Some(parent) = robot.links[link].parent {
-            lowest[parent] = lowest[parent].min(lowest[link]);
-            end[parent] = end[parent].max(end[link]);
-        }
-    }
-    let height = (0..n).map(origin).fold(f64::MIN, f64::max) - lowest[0];
-    let mut below = vec![Vec::new(); n];
-    (1..n).filter_map(|link| Some((robot.links[link].parent?, link))).for_each(|(parent, link)| below[parent].push(link));
-    let legs = |body: usize, longer: f64| {
-        if below[body].len() < 2 {
-            return 0;
-        }
-        let rest = (0..=body).chain(end[body]..n).map(|link| own[link]).fold(f64::INFINITY, f64::min);
-        below[body].iter().filter(|link| lowest[**link] < rest - longer).count()
-    };
-    robot.joint_count() == 0 || legs(0, 1e-6) >= 2 || (1..n).any(|body| legs(body, LEG * height) >= 2)
+    robot.joint_count() == 0 || Limbs::new(robot, &robot.zero_state(), &Vector3::z()).walks()
 }
 
-/// The specification of a robot of which only the `file` is known, at `path`; `defaults` are given positions of joints, and contact points are
-/// to `choose` if none are given.
+/// The specification of a robot known only by its `file`, at `path`, and the ground of its start. `defaults` are given joint positions;
+/// `choose` selects contact points if none are given.
 pub(crate) fn derived(
     read: &mut UrdfRobot,
     path: Option<&Path>,
     file: &Description,
+    ground: &Ground,
     defaults: &BTreeMap<String, f64>,
     choose: bool,
 ) -> Spec {
@@ -110,7 +85,7 @@ pub(crate) fn derived(
     }
     if state[coords..] != zero[coords..] {
         pose = "as its files say".into();
-    } else if pose == ZERO && bend(robot, &mut state) {
+    } else if pose == ZERO && bend(robot, &mut state, &ground.up) {
         pose = "on bent legs, since some joints cannot be at zero".into();
     }
     let mut data = Data::new(robot);
@@ -126,7 +101,7 @@ pub(crate) fn derived(
     }
     let place = |p: &ContactPoint| p.places().into_iter().map(|at| point_position(&data, p.link, &at)).collect::<Vec<_>>();
     let points: Vec<Vector3<f64>> = robot.contact_points.iter().flat_map(place).collect();
-    let lows: Vec<f64> = robot.contact_points.iter().map(|p| foot(p, &data, &Vector3::z())).collect();
+    let lows: Vec<f64> = robot.contact_points.iter().map(|p| foot(p, &data, &ground.plane.normal)).collect();
     let low = lows.iter().copied().fold(f64::INFINITY, f64::min);
     let round = robot.contact_points.iter().map(|p| p.radius).fold(0.0, f64::max);
     let origins = (0..robot.links.len()).map(|link| data.origin + data.position[link]);
@@ -136,22 +111,32 @@ pub(crate) fn derived(
     let (extent, weight) = (if extent > 1e-6 { extent } else { 1.0 }, robot.mass() * GRAVITY);
     let floating = robot.floating();
     notes.push(format!(
-        "derived where no .toml says otherwise: pose {pose}, {} base, gravity along -z; `inspect --robot` shows all of it",
-        if floating { "free" } else { "fixed" }
+        "derived where no .toml says otherwise: pose {pose}, {} base{}; `inspect --robot` shows all of it",
+        if floating { "free" } else { "fixed" },
+        if file.keys.contains_key("gravity") { "" } else { ", gravity along -z" }
     ));
     let beneath = robot.contact_points.iter().zip(&lows).filter(|(_, at)| **at < low + NEAR * extent);
     let round = beneath.map(|(p, _)| p.radius).fold(0.0, f64::max);
     let clearance = round + rounded(GIVE * extent);
-    // Of balls of several sizes the smaller ones have their middles nearer to the ground than that.
+    // With balls of several sizes, the centres of smaller ones are nearer to the ground than `clearance`.
     let middles = robot.contact_points.iter().zip(&lows).map(|(p, at)| at - low + p.radius);
-    let lift = (clearance - middles.fold(clearance, f64::min)).max(0.0);
-    let height = file.floor + if low.is_finite() { state.get(2).copied().unwrap_or(0.0) - low } else { 0.0 };
+    let mut lift = (clearance - middles.fold(clearance, f64::min)).max(0.0);
+    let height = ground.height(if low.is_finite() { low } else { 0.0 });
+    if floating {
+        state[..3].copy_from_slice(&ground.place(height));
+        let out = ground.lift(robot, &state, [extent, clearance]);
+        if out > lift {
+            lift = out;
+            notes.push(format!("its pose is inside of what stands in its file: it starts at least {out:.2} m higher"));
+        }
+    }
     let gain = stiffness(weight, extent, false);
     let control = ControlSpec {
         relative: false,
-        scale: 1.0,
+        scale: scale(file),
         clamp: true,
         ahead: true,
+        servo: true,
         data: Some(RandomGains { kp: between(0.1 * gain, 0.6 * gain), kd: between(0.0, 0.01 * gain) }),
     };
     let driven = floating && robot.joint_count() > 0;
@@ -164,12 +149,12 @@ pub(crate) fn derived(
             joint.effort / (weight * extent)
         ));
     }
-    let torques = torques(robot);
+    let torques = torques(robot, &ground.up);
     let efforts = efforts(robot, &data, &lows, low + NEAR * extent);
     let joints = robot.joints().zip(&torques).zip(&state[coords..]).zip(efforts);
     let joints = joints.map(|(((joint, torque), q), effort)| joint_spec(joint, *torque, *q, [weight, extent], driven.then_some(effort)));
     let mut joints: Vec<JointSpec> = joints.collect();
-    // No URDF has the inertia of rotors, and no motion needs it but that of a joint that nothing else resists.
+    // URDFs do not give the inertia of rotors. Only a joint without any other inertia needs it.
     for (joint, spec) in
         bare(robot, BARE * robot.mass() * extent * extent).into_iter().zip(&mut joints).filter_map(|(bare, spec)| Some((bare?, spec)))
     {
@@ -184,7 +169,7 @@ pub(crate) fn derived(
     }
     let contacts = listed(robot);
     let mut material = if touches { material(weight, extent, if floating { 4.0 } else { 1.0 }) } else { Material::default() };
-    material.friction = file.friction.unwrap_or(material.friction);
+    material.friction = file.surfaces.usual_friction().unwrap_or(material.friction);
     Spec {
         floating,
         substeps: 8,
@@ -192,20 +177,20 @@ pub(crate) fn derived(
         random_plane: (touches && !floating).then_some(RandomPlane { reach: rounded(extent), clearance: rounded(0.01 * extent) }),
         data_scene: (touches && floating).then(|| "plane".into()),
         control: driven.then_some(control),
-        root: floating.then(|| root(height, file.quaternion, [extent, lift], touches.then_some(clearance))),
+        root: floating.then(|| root(ground, height, file.quaternion, [extent, lift], touches.then_some(clearance))),
         joints,
         contacts,
         ..plain(robot)
     }
 }
 
-/// Stiffness (N m/rad, N/m of what slides) that bears a robot's weight (N) at the end of a lever as long as itself at an error of a
-/// radian; on a slide at a twentieth of its extent (m).
+/// Stiffness (N m/rad; N/m for a slide) that carries a robot's weight (N) at the end of a lever as long as the robot, at an error of one
+/// radian; for a slide at a twentieth of the extent (m).
 pub(crate) fn stiffness(weight: f64, extent: f64, slides: bool) -> f64 {
     if slides { 20.0 * weight / extent } else { weight * extent }
 }
 
-/// Few contact points in place of the robot's, if they are many.
+/// Replaces the robot's contact points by a few, if there are many.
 fn keep(robot: &mut Robot, state: &[f64], notes: &mut Vec<String>) {
     if robot.contact_points.len() <= MOST {
         return;
@@ -223,7 +208,17 @@ fn keep(robot: &mut Robot, state: &[f64], notes: &mut Vec<String>) {
     robot.contact_points = kept;
 }
 
-/// Contact that bears the weight on so many points at a give of [`GIVE`], half critically damped, and holds against slip.
+/// Range (rad) of the targets of a legged robot for an action of 1: the usual joint's largest torque over its gain in the file, at least
+/// [`STEP`]; 1 if the file has no gains.
+fn scale(file: &Description) -> f64 {
+    let joints = file.keys.get("joint").and_then(toml::Value::as_array).into_iter().flatten();
+    let number = |joint: &toml::Value, key: &str| joint.get(key).and_then(toml::Value::as_float).filter(|x| *x > 0.0);
+    let mut turns: Vec<f64> = joints.filter_map(|joint| Some(number(joint, "gain")? / number(joint, "kp")?)).collect();
+    turns.sort_by(f64::total_cmp);
+    turns.get(turns.len() / 2).map_or(1.0, |turn| rounded(turn.clamp(STEP, 1.0)))
+}
+
+/// Contact that carries the weight on `points` points at a depth of [`GIVE`], half critically damped, without slip.
 fn material(weight: f64, extent: f64, points: f64) -> Material {
     let stiffness = weight / (points * GIVE * extent);
     Material {
@@ -231,14 +226,17 @@ fn material(weight: f64, extent: f64, points: f64) -> Material {
         damping: rounded((stiffness * weight / GRAVITY / points).sqrt()),
         friction_damping: rounded(0.2 * weight / CREEP),
         friction: FRICTION,
+        release: RELEASE,
+        ..Material::default()
     }
 }
 
-/// `clearance` counts gaps from the middles of balls, none where nothing touches; a start that keeps it is higher than the pose by `lift` at least.
-fn root(height: f64, quaternion: [f64; 4], [extent, lift]: [f64; 2], clearance: Option<f64>) -> RootSpec {
-    let above = |share: f64| [Range::default(), Range::default(), Range { low: height, high: height + lift + share * extent }];
+/// `clearance` measures gaps from the centres of balls, none without contact points; starts that keep it are higher than the pose by at
+/// least `lift`.
+fn root(ground: &Ground, height: f64, quaternion: [f64; 4], [extent, lift]: [f64; 2], clearance: Option<f64>) -> RootSpec {
+    let above = |share: f64| ground.places(height, height + (lift + share * extent) / ground.slope());
     RootSpec {
-        position: [0.0, 0.0, height],
+        position: ground.place(height),
         quaternion,
         sample: RootStart {
             position: above(0.5),
@@ -247,12 +245,12 @@ fn root(height: f64, quaternion: [f64; 4], [extent, lift]: [f64; 2], clearance: 
             linear: [between(-1.0, 1.0); 3],
             clearance,
         },
-        // As high as joints that are a little off need it.
+        // High enough for joints that are slightly off.
         reset: Some(RootStart { position: above(HIGHER), clearance, ..RootStart::default() }),
     }
 }
 
-/// `effort` is that of a motor of a robot that stands.
+/// `effort` is a motor's in a robot that stands.
 fn joint_spec(joint: &Joint, torque: f64, default: f64, [weight, extent]: [f64; 2], effort: Option<f64>) -> JointSpec {
     let slides = joint.kind == JointKind::Prismatic;
     let gain = stiffness(weight, extent, slides);
@@ -262,7 +260,7 @@ fn joint_spec(joint: &Joint, torque: f64, default: f64, [weight, extent]: [f64; 
         None => (-PI, PI),
     };
     let fast = FAST.min(0.5 * joint.velocity);
-    // A robot that stands starts near its pose; an arm anywhere.
+    // A standing robot starts near its pose; an arm anywhere.
     let (wide, near) = (if effort.is_some() { 0.3 } else { 2.0 * PI }, 0.1);
     let reach = |turn: f64| if slides { turn.min(1.0) * extent } else { turn };
     let about = |turn: f64| {
@@ -270,7 +268,7 @@ fn joint_spec(joint: &Joint, torque: f64, default: f64, [weight, extent]: [f64; 
         Range { low: a.clamp(low, high), high: b.clamp(low, high) }
     };
     let (kp, kd) = match effort {
-        // A law that is stiffer than its motor is strong is at one bound or the other.
+        // A law that is stiffer than its motor is strong switches between its bounds.
         Some(effort) if !slides => (effort / LEAN, CALMS * effort / LEAN),
         _ => (0.6 * gain, 0.006 * gain),
     };
@@ -287,8 +285,8 @@ fn joint_spec(joint: &Joint, torque: f64, default: f64, [weight, extent]: [f64; 
     }
 }
 
-/// What motors can do by joint (N m or N), where no file says it: `lows` are the heights of contact points, of which those below `ground` may
-/// bear the robot.
+/// Efforts of motors by joint (N m or N), where the file has none. `lows` are the heights of contact points; points below `ground` may
+/// carry the robot.
 fn efforts(robot: &Robot, data: &Data, lows: &[f64], ground: f64) -> Vec<f64> {
     let n = robot.links.len();
     let over = |link: usize, joint: usize| std::iter::successors(Some(link), |k| robot.links[*k].parent).any(|k| k == joint);
@@ -309,19 +307,19 @@ fn efforts(robot: &Robot, data: &Data, lows: &[f64], ground: f64) -> Vec<f64> {
         rounded(GRAVITY * (BEARS * robot.mass() * foot).max(HOLDS * own))
     };
     let all: Vec<f64> = (first..n).zip(robot.joints()).map(effort).collect();
-    // One that turns about what it carries bears nothing, and has a motor all the same.
+    // A joint whose axis passes through its load carries nothing, but has a motor too.
     let least = rounded(LEAST * all.iter().copied().fold(0.0, f64::max));
     all.into_iter().zip(robot.joints()).map(|(x, joint)| if joint.effort.is_finite() { x } else { x.max(least) }).collect()
 }
 
-/// The inertia of a motor's rotor at its joint (kg m^2 or kg); where its file says too little, of one of that effort, or 0.
+/// The inertia of a motor's rotor at its joint (kg m^2 or kg); if the file lacks data, for a motor of this effort, or 0.
 pub(crate) fn rotor(joint: &Joint, effort: Option<f64>) -> f64 {
     let effort = Some(joint.effort).filter(|x| x.is_finite()).or(effort);
     let velocity = if joint.velocity.is_finite() && joint.velocity > 0.0 { joint.velocity } else { SPINS };
     effort.map_or(0.0, |effort| rounded(effort * START / velocity))
 }
 
-/// The joints that no link resists in some pose, each where it is among all; `least` is an inertia that rounding alone leaves.
+/// The joints without inertia in some pose, by joint; `least` is the rounding error of an inertia.
 fn bare(robot: &Robot, least: f64) -> Vec<Option<Joint>> {
     let mut bare = vec![None; robot.joint_count()];
     let Some(mut tree) = TreeFactor::new(robot) else { return bare };
@@ -337,7 +335,7 @@ fn bare(robot: &Robot, least: f64) -> Vec<Option<Joint>> {
             } else {
                 tree.lost().checked_sub(dofs)
             };
-            // One that has its armature by now is lost for another reason.
+            // A joint that has its armature already fails for another reason.
             let Some(i) = found.filter(|i| bare[*i].is_none()) else { break };
             for joint in heavier.joints_mut().skip(i).take(1) {
                 bare[i] = Some(joint.clone());
@@ -348,15 +346,15 @@ fn bare(robot: &Robot, least: f64) -> Vec<Option<Joint>> {
     bare
 }
 
-/// Amplitudes of random torques: the most that gravity asks for over a few poses and what accelerates the joint by [`LIVELY`] beyond,
+/// Amplitudes of random torques: the largest gravity torque over a few poses plus the torque that accelerates the joint by [`LIVELY`],
 /// within the joint's effort.
-fn torques(robot: &Robot) -> Vec<f64> {
+fn torques(robot: &Robot, up: &Vector3<f64>) -> Vec<f64> {
     let (mut data, rest, dofs) = (Data::new(robot), vec![0.0; robot.nv()], robot.root_dofs());
     let mut most = vec![0.0f64; robot.joint_count()];
     for k in 0..8 {
         kinematics(robot, &pose(robot, k), &mut data);
         crba(robot, &mut data);
-        bias(robot, &rest, &(-GRAVITY * Vector3::z()), &mut data);
+        bias(robot, &rest, &(-GRAVITY * up), &mut data);
         for (i, most) in most.iter_mut().enumerate() {
             let holds = if robot.floating() { 0.0 } else { data.tau[dofs + i].abs() };
             *most = most.max(holds + LIVELY * data.mass[(dofs + i, dofs + i)]);

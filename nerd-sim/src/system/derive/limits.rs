@@ -1,8 +1,8 @@
 //! The default stiffness of a joint's limit: critically damped, and as stiff as the reference simulator's substep `dt` steps well.
 //!
-//! With the least inertia I that a joint shows to a push, all others free, over a few poses: stiffness `I (0.2 / dt)^2`. A
-//! joint that its own effort would push farther than 4 % of its range beyond an end is stiffer, up to `I (2 / dt)^2`: what is
-//! too stiff for an explicit substep is stepped implicitly (`articulated/stiff.rs`). Damping `2 sqrt(I stiffness)`.
+//! I is the least inertia of a joint for a torque at it, all others free, over a few poses: stiffness `I (0.2 / dt)^2`. A joint that its
+//! own effort would push farther than 4 % of its range beyond an end is stiffer, up to `I (2 / dt)^2`: limits too stiff for an explicit
+//! substep are stepped implicitly (`articulated/stiff.rs`). Damping `2 sqrt(I stiffness)`.
 
 use nerd_core::dynamics::Inverse;
 
@@ -11,7 +11,7 @@ use crate::prelude::*;
 /// Stiffness over `I / dt^2`, the root of it.
 const USUAL: f64 = 0.2;
 const STIFFEST: f64 = 2.0;
-/// Share of its range that a joint may be pushed beyond an end by its effort.
+/// Largest excess of a joint beyond an end under its effort, as a share of its range.
 const GIVE: f64 = 0.04;
 
 /// Gives stiffness and damping to the limits of the joints for which `missing`, by joint.

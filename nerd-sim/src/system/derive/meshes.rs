@@ -1,51 +1,15 @@
-//! Collision meshes of a URDF's links: read, made convex, and touched by few points, each the deepest of some vertices; by rims where they are
-//! wheels.
+//! Vertices of the meshes that a robot's file names.
 //!
-//! Files are STL (crate mesh-loader), OBJ, COLLADA, glTF (crate gltf) or PLY (crate serde-ply). `package://NAME/PATH` is looked for in the
-//! folders above the URDF, as `NAME/PATH`, as `PATH` in one that is called NAME, and as `PATH`; then in those of the environment's
-//! `ROS_PACKAGE_PATH`. Every other path begins at the URDF. What cannot be read is passed over, and a note says why.
+//! Files are STL (crate mesh-loader), OBJ, COLLADA, glTF (crate gltf) or PLY (crate serde-ply). `package://NAME/PATH` is searched in the
+//! folders above the URDF, as `NAME/PATH`, as `PATH` in a folder called NAME, and as `PATH`; then in the folders of the environment's
+//! `ROS_PACKAGE_PATH`. Every other path is relative to the URDF. Unreadable files are skipped, with a note.
 
-use nerd_core::robot::Hull;
 use serde::de::IgnoredAny;
 use serde_ply::PlyReader;
 
-use super::file::{MOST, bytes_of};
-use super::hull::{allowance, few, hull};
-use super::spread::{SHARP, endless, partition};
-use super::{collada, gltf, wheel::wheel};
+use super::{collada, gltf};
 use crate::internal::*;
-
-/// Share of the allowance within which a link's meshes reach as far as its file says.
-const FINE: f64 = 0.2;
-
-/// Gives a robot that was read from the URDF `path` at most `points` contact points for the collision meshes of each link; none where no
-/// file is known. Of a wheel they are its rims.
-pub fn touch(read: &mut UrdfRobot, path: Option<&Path>, points: usize) {
-    let Some(path) = path.filter(|_| points > 0) else { return };
-    // Where a link into the folder of packages was followed, the packages are where it leads.
-    let path = std::fs::canonicalize(path).unwrap_or_else(|_| path.into());
-    let UrdfRobot { robot, notes, meshes, hulls, .. } = read;
-    let mut pools = BTreeMap::<usize, Vec<Vector3<f64>>>::new();
-    meshes.retain(|mesh| match vertices(&mesh.file, &mesh.scale, &path) {
-        Ok(vertices) => {
-            let place = |v: Vector3<f64>| mesh.pose.transform_point(&v.into()).coords;
-            let hull: Arc<[_]> = hull(&vertices).0.into_iter().map(place).collect();
-            pools.entry(mesh.link).or_default().extend(hull.iter());
-            hulls.push(Hull { link: mesh.link, vertices: hull });
-            false
-        }
-        Err(reason) => {
-            notes.push(format!("link `{}`: mesh {}: {reason}; nothing touches it", mesh.of, mesh.file));
-            true
-        }
-    });
-    for (link, all) in pools {
-        let kept = few(&all, |_| f64::NEG_INFINITY, FINE * allowance(&all));
-        let turning = robot.links[link].joint.as_ref().filter(|joint| endless(joint));
-        let rolling = turning.and_then(|joint| wheel(link, joint, &kept));
-        robot.contact_points.extend(rolling.unwrap_or_else(|| partition(link, &kept, &kept, SHARP, points)));
-    }
-}
+use crate::system::mesh::file::{MOST, bytes_of};
 
 /// The vertices of a mesh that a URDF names, in its own frame (m); lengths are multiplied along its axes.
 pub(crate) fn vertices(file: &str, scale: &Vector3<f64>, urdf: &Path) -> Result<Vec<Vector3<f64>>, String> {
@@ -54,7 +18,7 @@ pub(crate) fn vertices(file: &str, scale: &Vector3<f64>, urdf: &Path) -> Result<
     }
     let path = find(file, urdf).ok_or("is not there")?;
     let bytes = bytes_of(&path)?;
-    // An unforeseen file ends in a line, too.
+    // A panic of a reader becomes an error, too.
     let read = std::panic::catch_unwind(|| load(bytes, &path)).map_err(|_| "cannot be read".to_string())?;
     let read = read.map_err(|e| e.split_whitespace().collect::<Vec<_>>().join(" "))?;
     let all: Vec<Vector3<f64>> = read.into_iter().map(|v| v.component_mul(scale)).collect();
@@ -69,7 +33,7 @@ pub(crate) fn vertices(file: &str, scale: &Vector3<f64>, urdf: &Path) -> Result<
 fn load(mut bytes: Vec<u8>, path: &Path) -> Result<Vec<Vector3<f64>>, String> {
     match path.extension().unwrap_or_default().to_string_lossy().to_lowercase().as_str() {
         "stl" => {
-            // Binary STL may begin with the word that makes a text of it; its length tells which it is.
+            // Binary STL may begin with the keyword of a text STL; its length decides.
             let count = bytes.get(80..84).and_then(|n| n.try_into().ok()).map_or(0, u32::from_le_bytes);
             if bytes.len() as u64 == 84 + 50 * u64::from(count) {
                 bytes[..80].fill(0);
@@ -77,7 +41,7 @@ fn load(mut bytes: Vec<u8>, path: &Path) -> Result<Vec<Vector3<f64>>, String> {
             let scene = mesh_loader::stl::from_slice(&bytes).map_err(|e| e.to_string())?;
             Ok(scene.meshes.iter().flat_map(|m| &m.vertices).map(|v| Vector3::from(v.map(f64::from))).collect())
         }
-        // A hull has no use for faces, whose kinds may be mixed.
+        // A hull ignores faces, whose kinds may be mixed.
         "obj" => {
             let text = String::from_utf8_lossy(&bytes);
             let lines = text.lines().enumerate().filter(|(_, line)| line.trim_start().starts_with("v "));
@@ -118,7 +82,7 @@ fn ply(bytes: &[u8]) -> Result<Vec<Vector3<f64>>, String> {
     Ok(Vec::new())
 }
 
-/// The file that a URDF's text means.
+/// The file that a URDF refers to.
 fn find(file: &str, urdf: &Path) -> Option<PathBuf> {
     let there = |path: PathBuf| path.is_file().then_some(path);
     let Some(package) = file.strip_prefix("package://") else {

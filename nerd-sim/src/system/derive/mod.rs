@@ -4,11 +4,11 @@ mod base;
 #[cfg(feature = "meshes")]
 mod collada;
 #[cfg(feature = "meshes")]
-mod file;
-#[cfg(feature = "meshes")]
 mod gltf;
+mod ground;
 mod guess;
-mod hull;
+mod leg;
+mod limbs;
 mod limits;
 #[cfg(feature = "meshes")]
 mod meshes;
@@ -16,13 +16,24 @@ mod plain;
 mod spread;
 mod srdf;
 mod stance;
-#[cfg(feature = "meshes")]
+mod touch;
 mod wheel;
+mod xml;
 
+pub(crate) use ground::Ground;
 pub(crate) use guess::{derived, floats, rotor, stiffness};
-#[cfg(feature = "meshes")]
-pub(crate) use hull::{faces, few};
 pub(crate) use limits::stiffen;
 #[cfg(feature = "meshes")]
-pub(crate) use meshes::{touch, vertices};
+pub(crate) use meshes::vertices;
 pub(crate) use plain::{between, listed, plain, rounded};
+pub(crate) use touch::touch;
+
+/// Without the feature no mesh is read.
+#[cfg(not(feature = "meshes"))]
+pub(crate) fn vertices(
+    _: &str,
+    _: &nerd_core::prelude::Vector3<f64>,
+    _: &std::path::Path,
+) -> Result<Vec<nerd_core::prelude::Vector3<f64>>, String> {
+    Err("is not read without the feature `meshes`".into())
+}

@@ -7,12 +7,12 @@ pub(crate) fn between(low: f64, high: f64) -> Range {
     Range { low: rounded(low.min(high)), high: rounded(high.max(low)) }
 }
 
-/// To three digits: it is a guess.
+/// Rounds an estimate to three digits.
 pub(crate) fn rounded(x: f64) -> f64 {
     format!("{x:.2e}").parse().unwrap_or(x)
 }
 
-/// The specification of a robot of which nothing is asked but to move: no torque, starts about zero.
+/// The specification of a robot that need only move: no torque, starts about zero.
 pub(crate) fn plain(robot: &Robot) -> Spec {
     let law = |x: f64| Range { low: -x, high: x };
     let starts = |q: f64, qd: f64| StartSpec { q: law(q), qd: law(qd), minus: None };
@@ -32,17 +32,18 @@ pub(crate) fn plain(robot: &Robot) -> Spec {
 /// Its contact points, as a TOML lists them.
 pub(crate) fn listed(robot: &Robot) -> Vec<ContactSpec> {
     let spec = |p: &ContactPoint| {
-        let at = || Some(p.local.into());
+        let frame = &robot.links[p.link].frame;
+        let place = |at: &Vector3<f64>| frame.inverse_transform_point(&(*at).into()).coords.into();
+        let at = || Some(place(&p.local));
         let own = match &p.locus {
             Locus::Fixed => ContactSpec { point: at(), ..ContactSpec::default() },
-            // The first of a disc's three is written for all of them.
+            // The first of a disc's three points represents all of them.
             Locus::Rim { turn, .. } if *turn != 0.0 => return None,
             Locus::Rim { axis, radius, .. } => {
-                ContactSpec { point: at(), axis: Some((*axis.as_ref()).into()), rim: Some(*radius), ..ContactSpec::default() }
+                let axis = frame.inverse_transform_vector(axis).into();
+                ContactSpec { point: at(), axis: Some(axis), rim: Some(*radius), ..ContactSpec::default() }
             }
-            Locus::Hull { vertices, .. } => {
-                ContactSpec { vertices: vertices.iter().map(|v| (*v).into()).collect(), ..ContactSpec::default() }
-            }
+            Locus::Hull { vertices, .. } => ContactSpec { vertices: vertices.iter().map(place).collect(), ..ContactSpec::default() },
         };
         let thickness = (p.thickness != p.radius).then_some(p.thickness);
         Some(ContactSpec { link: robot.links[p.link].name.clone(), radius: p.radius, thickness, ..own })

@@ -1,16 +1,17 @@
-//! A few points that represent many.
+//! Represents many points by a few.
 
+use std::collections::BTreeSet;
 use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Rotation3, UnitVector3};
 use nerd_core::contact::across;
 
-use super::hull::{AROUND, allowance, around, few};
 use crate::internal::*;
+use crate::system::mesh::hull::{AROUND, allowance, around, few};
 
-/// At most so many of the points, by number: those that lie farthest towards the corners of the box around them, the lower ones first, then
-/// always the one farthest from all that were taken. A sole with an ankle on it keeps the corners that it stands on. Of less than four no
-/// corner is one that it stands on.
+/// Indices of at most `most` points: those farthest towards the corners of the box around all, the lower ones first, then always the one
+/// farthest from all chosen ones. So a sole with an ankle on it keeps the corners that it stands on. Below four points there are no such
+/// corners.
 pub(crate) fn spread(points: &[Vector3<f64>], most: usize) -> Vec<usize> {
     let Some(first) = points.first() else { return Vec::new() };
     let (least, largest) = points.iter().fold((*first, *first), |(a, b), p| (a.inf(p), b.sup(p)));
@@ -42,25 +43,25 @@ pub(crate) fn spread(points: &[Vector3<f64>], most: usize) -> Vec<usize> {
 
 /// Radius of a corner, an edge or a vertex (m).
 pub(crate) const SHARP: f64 = 1e-5;
-/// Points of a trunk, of a link that nothing hangs on, and of any other that a network is shown: an end stands on the lower corners of its box
-/// and falls on the other end.
+/// Points of a trunk, of a leaf link, and of any other link in a network's input: an end stands on the lower corners of its box and may
+/// fall on its other end.
 const TRUNK: usize = 8;
 const END: usize = 5;
 const OTHER: usize = 2;
-/// Points of cylinders that are no wheels and stay round all the same; those of more become corners.
+/// Most points of cylinders that stay round although they are no wheels; with more, cylinders become corners.
 const ROLLS: usize = 12;
-/// A joint that may turn by more than this (rad) is no hinge of a limb.
+/// A joint with a range above this (rad) is no hinge of a limb.
 const ENDLESS: f64 = 2.0 * TAU;
 /// Directions in which a link's loss is measured.
 const LOOKS: usize = 3000;
 
-/// Whether a joint turns as that of a wheel does.
+/// Whether a joint rotates without end, as a wheel's does.
 pub(crate) fn endless(joint: &Joint) -> bool {
     joint.kind != JointKind::Prismatic && joint.limit.is_none_or(|limit| limit.upper - limit.lower > ENDLESS)
 }
 
-/// At most `most` contact points that reach as far as balls of `radius` (m) about all of some places on a link: the places themselves if they
-/// are few, else the deepest of each share of them. `seen` are the places in axes of which the third is up.
+/// At most `most` contact points that reach as far as balls of `radius` (m) about all of `places` on a link: the places themselves if they
+/// are few, else the deepest of each cluster. `seen` are the places in axes whose third is up.
 pub(crate) fn partition(link: usize, places: &[Vector3<f64>], seen: &[Vector3<f64>], radius: f64, most: usize) -> Vec<ContactPoint> {
     if places.len() <= most {
         return places.iter().map(|place| ContactPoint::new(link, *place, radius)).collect();
@@ -80,25 +81,26 @@ pub(crate) fn partition(link: usize, places: &[Vector3<f64>], seen: &[Vector3<f6
     shares.into_iter().map(share).collect()
 }
 
-/// How far contact points reach along a unit vector in their link's frame (m).
+/// Support of contact points along a unit vector in their link's frame (m).
 pub(crate) fn reach<'a>(points: impl IntoIterator<Item = &'a ContactPoint>, n: &Vector3<f64>) -> f64 {
     let far = |p: &ContactPoint| n.dot(&p.deepest(&Matrix3::identity(), &-n)) + p.radius;
     points.into_iter().map(far).fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// Few contact points in place of many, since every one is one more that a network sees, and by link how much deeper it may sink for it (m).
-/// No place of a link is left out that may be its lowest: corners and vertices become a few points, each the deepest of its share of them.
-/// What is round stays so, unless all else hides it. Those on the lower corners at `state` are apart.
+/// Replaces many contact points by a few, since each costs inputs of a network; also returns, by link, the additional depth (m) to which it
+/// may sink. No point that may be a link's lowest is lost: corners and vertices become a few points, each the deepest of its cluster. Round
+/// shapes stay round, unless the rest of their surface hides them. Points on the lower corners at `state` are kept apart.
 pub(crate) fn enough(robot: &Robot, state: &[f64]) -> (Vec<ContactPoint>, Vec<f64>) {
     let mut data = Data::new(robot);
     kinematics(robot, state, &mut data);
     let turns = |link: usize| robot.links[link].joint.as_ref().is_some_and(endless);
     let is_rim = |p: &ContactPoint| matches!(p.locus, Locus::Rim { .. });
     let few_rims = robot.contact_points.iter().filter(|p| is_rim(p) && !turns(p.link)).count() <= ROLLS;
-    let of = |link: usize| {
-        let own: Vec<&ContactPoint> = robot.contact_points.iter().filter(|p| p.link == link).collect();
+    let on = |link: usize| robot.contact_points.iter().filter(move |p| p.link == link);
+    let of = |link: usize, surface: Option<usize>| {
+        let own: Vec<&ContactPoint> = on(link).filter(|p| p.surface == surface).collect();
         let round_ones = few_rims || turns(link);
-        let wheel = turns(link) && own.iter().any(|p| is_rim(p));
+        let wheel = turns(link) && on(link).any(is_rim);
         let end = robot.links.iter().all(|other| other.parent != Some(link)) && !wheel;
         let most = if link == 0 && robot.floating() {
             TRUNK
@@ -121,16 +123,9 @@ pub(crate) fn enough(robot: &Robot, state: &[f64]) -> (Vec<ContactPoint>, Vec<f6
         let places: Vec<_> = own.iter().flat_map(|p| p.places()).collect();
         let off = allowance(&places);
         let corners = (!sharp.is_empty()).then(|| ContactPoint::hull(link, sharp.clone(), SHARP));
-        // The smaller ones are hidden first.
+        // The smaller ones are removed first.
         round.sort_by(|a, b| (a[0].radius + a[0].reach()).total_cmp(&(b[0].radius + b[0].reach())));
-        let mut k = 0;
-        while k < round.len() {
-            let others = || round.iter().enumerate().filter(|(other, _)| *other != k).flat_map(|(_, disc)| disc).chain(&corners);
-            match around(AROUND).all(|n| reach(&round[k], &n) <= reach(others(), &n) + off) {
-                true => _ = round.remove(k),
-                false => k += 1,
-            }
-        }
+        shown(&mut round, &corners, off);
         let (balls, rims): (Vec<_>, Vec<_>) = round.into_iter().flatten().partition(|p| p.locus == Locus::Fixed);
         let vertices = few(&sharp, |n| reach(balls.iter().chain(&rims), n), off);
         let mut radii: Vec<(f64, Vec<Vector3<f64>>)> = vec![(SHARP, vertices)];
@@ -144,15 +139,43 @@ pub(crate) fn enough(robot: &Robot, state: &[f64]) -> (Vec<ContactPoint>, Vec<f6
             let seen: Vec<_> = places.iter().map(|place| data.rotation[link] * place).collect();
             partition(link, &places, &seen, radius, most)
         };
-        let kept: Vec<ContactPoint> = radii.into_iter().flat_map(share).chain(rims).collect();
-        let loss = around(LOOKS).map(|n| reach(own.iter().copied(), &n) - reach(&kept, &n)).fold(0.0, f64::max);
+        radii.into_iter().flat_map(share).chain(rims).map(|point| point.on(surface)).collect::<Vec<_>>()
+    };
+    let of = |link: usize| {
+        let surfaces: BTreeSet<_> = on(link).map(|p| p.surface).collect();
+        let kept: Vec<ContactPoint> = surfaces.into_iter().flat_map(|surface| of(link, surface)).collect();
+        let loss = around(LOOKS).map(|n| reach(on(link), &n) - reach(&kept, &n)).fold(0.0, f64::max);
         (kept, loss)
     };
     let (kept, losses): (Vec<_>, _) = (0..robot.links.len()).map(of).unzip();
     (kept.concat(), losses)
 }
 
-/// Vertices about a disc's rim that are nowhere off it by more than half of the allowance.
+/// Removes, one after the other, shapes that reach at most `off` (m) beyond all others in every direction.
+fn shown(round: &mut Vec<Vec<ContactPoint>>, corners: &Option<ContactPoint>, off: f64) {
+    let directions: Vec<Vector3<f64>> = around(AROUND).collect();
+    let further =
+        |far: &mut Vec<f64>, disc: &[ContactPoint]| far.iter_mut().zip(&directions).for_each(|(far, n)| *far = far.max(reach(disc, n)));
+    // Support of the shapes behind each one, then of the remaining ones before it.
+    let mut behind = vec![vec![f64::NEG_INFINITY; directions.len()]];
+    for disc in round.iter().skip(1).rev() {
+        let mut far = behind[behind.len() - 1].clone();
+        further(&mut far, disc);
+        behind.push(far);
+    }
+    let mut before: Vec<f64> = directions.iter().map(|n| reach(corners, n)).collect();
+    round.retain(|disc| {
+        let behind = behind.pop().unwrap_or_default();
+        let hides = |k: usize| behind[k].max(before[k]) + off;
+        let hidden = directions.iter().enumerate().all(|(k, n)| reach(disc, n) <= hides(k));
+        if !hidden {
+            further(&mut before, disc);
+        }
+        !hidden
+    });
+}
+
+/// Vertices about a disc's rim that are off it by at most half of the allowance.
 fn polygon(centre: &Vector3<f64>, axis: &UnitVector3<f64>, radius: f64) -> impl Iterator<Item = Vector3<f64>> {
     let up = across(axis) * radius;
     let off = 0.5 * allowance(&[up, -up]);

@@ -5,21 +5,21 @@ use crate::internal::*;
 /// Names of standing poses, the best first.
 const STANDING: [&str; 2] = ["standing", "half_sitting"];
 
-/// Where it is from if none is known.
+/// The source if there is no other.
 pub(super) const ZERO: &str = "zero, within the limits";
 
-/// A state at rest, and where it is from: an SRDF's pose to stand in, else zero, or the nearest to it within the limits.
+/// A state at rest, and its source: an SRDF's standing pose, else zero, or the nearest to it within the limits.
 pub(super) fn pose_of(robot: &Robot, urdf: Option<&Path>) -> (Vec<f64>, String) {
     let mut state = robot.zero_state();
     let coords = robot.root_coords();
     for (q, joint) in state[coords..].iter_mut().zip(robot.joints()) {
         *q = joint.limit.map_or(0.0, |l| 0.0f64.clamp(l.lower, l.upper));
     }
-    // Of all poses that may be meant, the one that says most of this robot's joints.
+    // Of all candidate poses, the one that gives most of this robot's joints.
     let mut best: (usize, Vec<(usize, f64)>, String) = (0, Vec::new(), ZERO.into());
     for file in urdf.map(beside).unwrap_or_default() {
-        let Ok(text) = std::fs::read_to_string(&file) else { continue };
-        let Ok(document) = roxmltree::Document::parse(&text) else { continue };
+        let Ok(text) = crate::files::read_text(&file) else { continue };
+        let Ok(document) = super::xml::document(&text) else { continue };
         for group in document.descendants().filter(|n| n.has_tag_name("group_state")) {
             let Some(name) = group.attribute("name").filter(|name| STANDING.contains(name)) else { continue };
             let given: Vec<(usize, f64)> = group

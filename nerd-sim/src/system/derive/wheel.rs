@@ -1,27 +1,27 @@
-//! A mesh that turns without end about its own axis rolls: rims in place of vertices.
+//! A mesh that rotates without end about its own axis rolls: it gets rims in place of vertices.
 
 use std::f64::consts::TAU;
 
 use nerd_core::contact::across;
 
-use super::hull::{allowance, cover, farthest, few};
 use super::spread::{SHARP, partition, reach};
 use crate::internal::*;
+use crate::system::mesh::hull::{allowance, cover, farthest, few};
 
-/// Share by which what is round reaches less far to one side than to another at most.
+/// Largest relative difference of a round profile's reach between sides.
 const ROUND: f64 = 0.02;
-/// Most rims of a wheel; fewer if they reach within twice the allowance. And most other points of it.
+/// Most rims of a wheel; fewer if they reach within twice the allowance. Also its most other points.
 const RIMS: usize = 4;
 const BEYOND: usize = 2;
-/// How far (rad) a wheel leans that rolls.
+/// Largest lean (rad) of a rolling wheel.
 const CAMBER: f64 = 0.9;
 /// Sides that are compared.
 const SIDES: u32 = 32;
 /// Directions in which a profile's rims are compared.
 const SLOPES: u32 = 256;
 
-/// The contact points of link `link` that `joint` turns: rims, if some points of it are round about the joint's axis, and what reaches beyond
-/// those in directions in which it does not roll.
+/// The contact points of link `link`, which `joint` rotates: rims, if some of its points are round about the joint's axis, and the points
+/// that reach beyond them in directions in which it does not roll.
 pub(crate) fn wheel(link: usize, joint: &Joint, points: &[Vector3<f64>]) -> Option<Vec<ContactPoint>> {
     let axis = joint.axis();
     let up = across(axis);
@@ -34,7 +34,7 @@ pub(crate) fn wheel(link: usize, joint: &Joint, points: &[Vector3<f64>]) -> Opti
     if !(high > 0.0 && high - low <= ROUND * high) {
         return None;
     }
-    // In the plane of the axis and a radius, between that of corners and that of edges; the largest radius comes first.
+    // In the plane of the axis and a radius, midway between the corners' radius and the edges'; the largest radius comes first.
     let mean = 0.5 * (low + high) / high;
     let profile: Vec<_> = points.iter().map(|p| Vector3::new(axis.dot(p), mean * axis.cross(p).norm(), 0.0)).collect();
     let outward = around(SLOPES).filter(|(sin, cos)| *cos > CAMBER.cos() && *sin != 0.0).map(|(sin, cos)| Vector3::new(sin, cos, 0.0));

@@ -1,31 +1,45 @@
-//! What a robot's file says.
+//! Content of a robot's file.
 
-use std::borrow::Cow;
-
+use nerd_core::robot::Bodies;
 use toml::{Table, Value};
 
+use super::statics::Static;
 use crate::internal::*;
+use crate::scene::Surfaces;
 
-/// What a file says of a robot: all of it a URDF, but for what keys of a specification say.
-pub(crate) struct Description<'a> {
-    pub urdf: Cow<'a, str>,
-    /// Keys that take precedence over what is derived.
+/// A robot as its file describes it: bodies, and further keys of a specification.
+#[derive(Clone, Debug)]
+pub(crate) struct Description {
+    pub bodies: Bodies,
+    /// Keys that take precedence over derived ones.
     pub keys: Table,
     pub notes: Vec<String>,
-    /// How a free root is turned in the file's pose, x y z w.
+    /// Orientation of a free root in the file's pose, x y z w.
     pub quaternion: [f64; 4],
-    /// Height of the file's ground along the up axis (m).
-    pub floor: f64,
-    pub friction: Option<f64>,
+    /// Static objects of the world; none if the file defines no world.
+    pub world: Vec<Static>,
+    /// Contact laws of geoms, by the surfaces of solids.
+    pub surfaces: Surfaces,
 }
 
-impl Description<'_> {
-    /// Whether its base is free, where the file says so.
+impl Description {
+    /// Whether its base is free, if the file defines it.
     pub fn floating(&self) -> Option<bool> {
         self.keys.get("floating").and_then(Value::as_bool)
     }
 
-    /// Its keys without joints that the robot does not have: those that carry no mass are fixed.
+    /// The planes of its world, then planes through the highest points of its height fields.
+    pub fn planes(&self) -> impl Iterator<Item = Plane> {
+        let planes = self.world.iter().filter_map(|solid| if let Static::Plane { plane, .. } = solid { Some(*plane) } else { None });
+        let tops = self.world.iter().filter_map(|solid| {
+            let Static::Field { field, pose, .. } = solid else { return None };
+            let normal = pose.rotation * Vector3::z();
+            Some(Plane { normal, offset: normal.dot(&pose.translation.vector) + field.highest() })
+        });
+        planes.chain(tops)
+    }
+
+    /// Its keys without joints that the robot lacks: joints that carry no mass are fixed.
     pub fn keys_of(&self, robot: &Robot) -> Table {
         let mut keys = self.keys.clone();
         let there = |joint: &Value| joint.get("name").and_then(Value::as_str).is_some_and(|name| robot.joint(name).is_ok());
@@ -33,7 +47,7 @@ impl Description<'_> {
         keys
     }
 
-    /// Refuses a base that the file does not have.
+    /// Refuses a base that differs from the file's.
     pub fn stands(&self, floating: bool) -> Result<(), UrdfError> {
         match self.floating() {
             Some(own) if own != floating => Err(UrdfError::Refused(format!("its MJCF has a {} base", if own { "free" } else { "fixed" }))),

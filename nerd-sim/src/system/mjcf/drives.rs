@@ -2,111 +2,99 @@
 
 use std::collections::HashMap;
 
-use mjcf_rs::Model;
-use mjcf_rs::{equality::Equality, extras::ActuatorKind};
-
-use super::text::Source;
+use super::actuator::Actuator;
+use super::element::Element;
+use super::tree::{Follower, Motor, Tree};
 use crate::internal::*;
 
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Motor {
-    /// Stiffness and damping of a position or velocity law.
-    pub kp: f64,
-    pub kd: f64,
-    /// Largest torque (N m) or force (N); infinite where nothing bounds it.
-    pub effort: f64,
-}
-
-/// By joint, what its actuators do together.
-pub(super) fn motors(model: &Model, source: &Source, notes: &mut Vec<String>) -> Result<HashMap<String, Motor>, UrdfError> {
+/// By joint, the combined effect of its actuators, and the largest effort that the joint itself sets.
+pub(super) fn motors(tree: &Tree, notes: &mut Vec<String>) -> Result<HashMap<String, Motor>, UrdfError> {
     let mut found = HashMap::<String, Motor>::new();
-    for actuator in &model.actuators {
-        let kind = match actuator.kind {
-            ActuatorKind::Motor => "motor",
-            ActuatorKind::Position => "position",
-            ActuatorKind::Velocity => "velocity",
-            _ => "general",
+    for (actuator, e) in &tree.model.actuators {
+        let (joint, ratio) = lever(tree, actuator, e)?;
+        let Some((_, own, body)) = tree.all_joints().find(|(name, ..)| **name == joint) else {
+            return Err(e.refused(format!("it acts on `{}`, which is no hinge or slide of the file", joint.escape_debug())));
         };
-        let name = actuator.name.as_ref().or(actuator.joint.as_ref()).map_or("", |name| name);
-        let wrong = |reason: &str| source.refused(kind, name, reason);
-        let Some(joint) = &actuator.joint else {
-            return Err(wrong("it acts on no joint; motor, position, velocity and general on joints are supported"));
-        };
-        let compiler = &model.compiler;
-        let largest = |range: Option<[f64; 2]>, limited: mjcf_rs::Tristate| {
-            let range = range.filter(|range| limited.resolve(compiler.autolimits, range[0] < range[1]));
-            range.map_or(f64::INFINITY, |[low, high]| low.abs().max(high.abs()))
-        };
-        let lopsided = |range: Option<[f64; 2]>| range.is_some_and(|[low, high]| low != -high);
-        let gear = actuator.gear[0];
-        let prm = |all: &[f64], k: usize, other: f64| all.get(k).copied().unwrap_or(other);
-        let mut gain = 1.0;
-        let [kp, kd] = match kind {
-            "motor" => [0.0, 0.0],
-            "position" => [actuator.kp.unwrap_or(1.0), actuator.kv.unwrap_or(0.0)],
-            "velocity" => [0.0, actuator.kv.unwrap_or(1.0)],
-            _ => {
-                gain = prm(&actuator.gainprm, 0, 1.0);
-                let affine = actuator.bias_type.as_deref() == Some("affine");
-                let law = [0, 1, 2].map(|k| if affine { prm(&actuator.biasprm, k, 0.0) } else { 0.0 });
-                if gain != 0.0 && law[0] != 0.0 {
-                    return Err(wrong("a constant part of its bias is not supported"));
-                }
-                [-law[1], -law[2]]
-            }
-        };
-        if !(kp >= 0.0 && kd >= 0.0) {
-            return Err(wrong("it has a negative gain"));
+        let compiler = &tree.model.bodies[body].source.compiler;
+        if e.number("inheritrange")?.is_some_and(|x| x > 0.0) && (actuator.joint.is_none() || own.limits(compiler).is_none()) {
+            return Err(e.refused(format!("inheritrange, and `{}` has no range; write ctrlrange", joint.escape_debug())));
         }
-        let plain = kp == 0.0 && kd == 0.0;
-        let asked = if plain { gain.abs() * largest(actuator.ctrl_range, actuator.ctrl_limited) } else { f64::INFINITY };
-        let effort = gear.abs() * asked.min(largest(actuator.force_range, actuator.force_limited));
-        if lopsided(actuator.force_range) || plain && lopsided(actuator.ctrl_range) {
+        if actuator.lopsided(compiler) {
             notes.push(format!("joint `{joint}`: its actuator is stronger one way; the larger of both is taken for both"));
         }
-        let sum = found.entry(joint.clone()).or_default();
-        sum.kp += gear * gear * kp;
-        sum.kd += gear * gear * kd;
-        sum.effort += if effort.is_nan() { 0.0 } else { effort };
+        let (square, [_, kp, kd]) = ((ratio * actuator.gear).powi(2), actuator.gains());
+        let effort = ratio.abs() * actuator.effort(compiler);
+        let ratio = actuator.damping_ratio();
+        let first = !found.contains_key(&joint);
+        let sum = found.entry(joint).or_default();
+        sum.effort = effort + if first { 0.0 } else { sum.effort };
+        sum.kp += square * kp;
+        sum.kd += if ratio.is_none() { square * kd } else { 0.0 };
+        sum.ratios.extend(ratio.map(|ratio| [square * kp, ratio]));
+        sum.armature += square * actuator.armature;
+        sum.damping += square * actuator.damping;
+    }
+    for (name, joint, body) in tree.all_joints() {
+        let most = joint.most(&tree.model.bodies[body].source.compiler);
+        if most.is_finite() {
+            let motor = found.entry(name.clone()).or_default();
+            motor.effort = motor.effort.min(most);
+        }
     }
     Ok(found)
 }
 
-/// A joint that follows another: `position = multiplier q + offset`.
-#[derive(Clone, Debug)]
-pub(super) struct Follower {
-    pub leader: String,
-    pub multiplier: f64,
-    pub offset: f64,
+/// The joint of an actuator, and its lever there: for a fixed tendon, the sum over joints that move as one.
+fn lever(tree: &Tree, actuator: &Actuator, e: &Element) -> Result<(String, f64), UrdfError> {
+    if let Some(joint) = &actuator.joint {
+        return Ok((joint.clone(), 1.0));
+    }
+    let tendon = actuator.tendon.clone().unwrap_or_default();
+    let parts = tree.model.tendons.get(&tendon);
+    let parts =
+        parts.ok_or_else(|| e.refused(format!("there is no fixed tendon `{}`; others are not supported", tendon.escape_debug())))?;
+    let led = |(name, share): &(String, f64)| match tree.follow.get(name) {
+        Some(f) => (f.leader.clone(), share * f.multiplier),
+        None => (name.clone(), *share),
+    };
+    let led: Vec<_> = parts.iter().map(led).collect();
+    match led.first() {
+        Some((joint, _)) if led.iter().all(|(other, _)| other == joint) => Ok((joint.clone(), led.iter().map(|(_, share)| share).sum())),
+        _ => Err(e.refused(format!("tendon `{}` pulls joints that move by themselves, which is not supported", tendon.escape_debug()))),
+    }
 }
 
-/// By joint, what it follows; `refs` are the joints' positions in the file's own pose, from which equalities count.
-pub(super) fn followers(model: &Model, source: &Source, refs: &HashMap<String, f64>) -> Result<HashMap<String, Follower>, UrdfError> {
-    let mut found = HashMap::new();
-    for equality in &model.equality {
-        let Equality::Joint(equality) = equality else { continue };
-        if !equality.common.active {
-            continue;
-        }
-        let own = &equality.joint1;
-        let wrong = |reason: &str| source.refused("joint", own, format!("equality: {reason}"));
-        let Some(leader) = &equality.joint2 else { return Err(wrong("it fixes the joint; leave the joint out")) };
-        let (Some(at), Some(leads)) = (refs.get(own), refs.get(leader)) else {
-            return Err(wrong("one of its two is no hinge or slide of the file"));
+/// By joint, what it follows; equalities count from the joints' positions in the file's own pose.
+pub(super) fn followers(tree: &Tree) -> Result<HashMap<String, Follower>, UrdfError> {
+    let refs: HashMap<_, _> = tree.all_joints().map(|(name, joint, _)| (name.as_str(), joint.reference)).collect();
+    let mut found = HashMap::<String, Follower>::new();
+    for coupling in &tree.model.couplings {
+        let e = &coupling.element;
+        let Some(leader) = &coupling.leader else { return Err(e.refused("it fixes the joint; leave the joint out")) };
+        let (Some(at), Some(leads)) = (refs.get(coupling.joint.as_str()), refs.get(leader.as_str())) else {
+            return Err(e.refused("one of its two is no hinge or slide of the file"));
         };
-        let [constant, multiplier, rest @ ..] = equality.polycoef;
+        let [constant, multiplier, rest @ ..] = coupling.polynomial;
         if rest != [0.0; 3] {
-            return Err(wrong("a polynomial is not supported; a joint follows another in proportion"));
+            return Err(e.refused("a polynomial is not supported; a joint follows another in proportion"));
         }
         let offset = at + constant - multiplier * leads;
-        if found.insert(own.clone(), Follower { leader: leader.clone(), multiplier, offset }).is_some() {
-            return Err(wrong("the joint follows two others"));
+        if found.insert(coupling.joint.clone(), Follower { leader: leader.clone(), multiplier, offset }).is_some() {
+            return Err(e.refused("the joint follows two others"));
         }
     }
-    match found.iter().find(|(_, follower)| found.contains_key(&follower.leader)) {
-        Some((own, follower)) => {
-            Err(source.refused("joint", own, format!("it follows `{}`, which follows another; name that", follower.leader)))
+    // Resolves chains of followers; more steps than there are followers mean a ring.
+    let direct = found.clone();
+    for (own, follower) in &mut found {
+        for step in 0..=direct.len() {
+            let Some(next) = direct.get(&follower.leader) else { break };
+            if step == direct.len() {
+                return Err(UrdfError::Refused(format!("joint `{}` follows itself by its equalities", own.escape_debug())));
+            }
+            follower.offset += follower.multiplier * next.offset;
+            follower.multiplier *= next.multiplier;
+            follower.leader.clone_from(&next.leader);
         }
-        None => Ok(found),
     }
+    Ok(found)
 }

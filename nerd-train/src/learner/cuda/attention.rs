@@ -71,7 +71,7 @@ impl Attention {
         d.launch("attention_forward", grid, threads, self.shared().0, &[Ptr(qkv), Ptr(out), Ptr(rotations)])
     }
 
-    /// The gradient of `qkv` from that of mixed values.
+    /// The gradient of `qkv` from the gradient of the mixed values.
     pub fn backward(&self, d: &Device, windows: usize, qkv: u64, slope: u64, out: u64, rotations: u64) -> Result<(), DeviceError> {
         let (grid, threads) = self.blocks(windows);
         d.launch("attention_backward", grid, threads, self.shared().1, &[Ptr(qkv), Ptr(slope), Ptr(out), Ptr(rotations)])

@@ -2,7 +2,7 @@
 //!
 //! Gradients of matrices run on the side stream while the main one continues. So an upstream gradient is never overwritten in place: the
 //! next one goes to another buffer, and its own is reused once the side stream has read it. The gradient of a matrix that adds to a slot
-//! is launched with that of the next one: beside the product that follows it, both would take longer (2 to 4 % of large updates on an
+//! is launched with the kernel of the next one: beside the product that follows it, both would take longer (2 to 4 % of large updates on an
 //! H100).
 
 use std::collections::VecDeque;

@@ -1,4 +1,4 @@
-//! A program's memory on a device, and the addresses of what is in it.
+//! A program's memory on a device, and the addresses of its buffers.
 //!
 //! Passes over it are in `passes.rs` and `backward.rs`; the plan that they follow is in `plan.rs`.
 
@@ -170,7 +170,7 @@ impl Network {
     }
 }
 
-/// Text and kernels of what a program has operations for, with its shapes in front.
+/// Source text and kernel names for the program's operations; the source begins with its shapes.
 fn source(plan: &Plan) -> (String, Vec<&'static str>) {
     let Plan { tokens, padded, norm, attention, .. } = plan;
     let (inputs, outputs) = (plan.inputs(), plan.outputs());

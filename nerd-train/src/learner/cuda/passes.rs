@@ -155,8 +155,8 @@ impl Network {
         self.column_sum(self.partial_sums.ptr, blocks, 1, g + 4 * self.plan.parameters() as u64)
     }
 
-    /// Sums a gradient at `dy`, of `rows` windows of tokens of `width` columns: over windows to that of positions, over all tokens to that of
-    /// a bias.
+    /// Sums a gradient at `dy`, of `rows` windows of tokens of `width` columns: over windows to the gradient of positions, over all
+    /// tokens to the gradient of a bias.
     pub fn sum_rows(&self, dy: u64, rows: usize, width: usize, bias: Option<u64>, positions: Option<u64>) -> Result<(), DeviceError> {
         let tokens = self.plan.tokens;
         let (rows, columns) = if positions.is_some() { (rows, tokens * width) } else { (rows * tokens, width) };

@@ -1,6 +1,6 @@
 //! The plan of a program on a device: its steps as parts that kernels cover, and where rows and parameters are. `lowering.rs` makes it.
 //!
-//! A scale is folded into the matrix that follows it, `W' = diag(w) W`, once an update. Both gradients follow from that of `W'`:
+//! A scale is folded into the matrix that follows it, `W' = diag(w) W`, once an update. Both gradients follow from the gradient of `W'`:
 //! `dW = diag(w) dW'` and `dw_i = sum_j dW'_ij W_ij`.
 
 use super::*;
@@ -15,7 +15,7 @@ pub(super) enum Part {
     Step(Step),
 }
 
-/// A program for windows of so many tokens.
+/// A program for windows of a fixed number of tokens.
 pub(crate) struct Plan {
     pub program: Program,
     pub tokens: usize,

@@ -11,7 +11,7 @@ pub struct CudaProgram {
 }
 
 impl CudaProgram {
-    /// With its parameters, for `windows` windows of so many tokens.
+    /// With its parameters, for `windows` windows of a fixed number of tokens.
     ///
     /// # Errors
     /// [`LearnError::Mismatch`] if the kernels do not cover the program, [`LearnError::Device`] if there is no GPU, a library is missing

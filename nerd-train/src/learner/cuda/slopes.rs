@@ -8,7 +8,7 @@ use super::*;
 /// Threads of a block, an environment each.
 const THREADS: usize = 32;
 
-/// What the network said in so many frames of as many environments of one system, kept for the way back over each.
+/// The network's activations in a number of frames of a batch of one system, kept for the backward pass over each frame.
 pub(super) struct FramesBack {
     network: Network,
     weights: Buffer<f32>,
@@ -27,7 +27,7 @@ pub(super) fn goes_back(model: &Model) -> Result<(), StepError> {
 }
 
 impl FramesBack {
-    /// For so many frames of batches like this one.
+    /// Allocates for `frames` frames of batches like this one.
     pub(super) fn new(model: &Model, batch: &Batch, frames: usize) -> Result<Self, StepError> {
         let (config, system, n) = (model.config.network, &batch.system, batch.len());
         let solver = |e: LearnError| StepError::Solver(e.to_string());
@@ -39,7 +39,7 @@ impl FramesBack {
         Ok(Self { network, weights, by_tokens, frames, state: system.robot.state_dim() })
     }
 
-    /// Whether there is room for so many frames.
+    /// Whether there is room for `frames` frames.
     pub(super) fn fits(&self, frames: usize) -> bool {
         frames <= self.frames
     }

@@ -78,7 +78,7 @@ impl CudaLearner {
         Ok(net.backward(w, Some(g), 0..rows, None)?)
     }
 
-    /// Fills the network's inputs and targets with `rows` windows: of the numbers from an address on, or those of the next update.
+    /// Fills the network's inputs and targets with `rows` windows: with the numbers at an address, or with the windows of the next update.
     fn gather(&self, data: &Data, rows: usize, numbers: Option<u64>) -> Result<(), LearnError> {
         let (net, drawn) = (&self.network, (self.optimiser.scalars(), self.config.seed, 0));
         let (scalars, seed, numbers) = numbers.map_or(drawn, |numbers| (0, 0, numbers));

@@ -45,8 +45,8 @@ extern "C" __global__ void value(const float* said, const unsigned* which, const
     if (row < rows && (!which || which[row] != 0xffffffffu)) values[which ? which[row] : row] = (double)said[row * outputs + a] * units[1] + units[0];
 }
 
-// Where values go of what was reached after the last step and, `n` rows after each other, where time ran out: after those of the steps, and after these
-// by step. Rows that nothing was written to go nowhere.
+// Maps bootstrap states to rows of `values`: first the `n` states after the last step, then the states at time-outs, by step. Values of
+// the steps themselves come before both. Rows that nothing was written to go nowhere.
 extern "C" __global__ void reached(const unsigned char* ends, unsigned* which, int n, int horizon, int slots) {
     const u64 env = INDEX;
     if (env >= n) return;

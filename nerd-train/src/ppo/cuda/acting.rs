@@ -21,7 +21,7 @@ impl CudaEngine {
         Ok(())
     }
 
-    /// The network of these weights where so many rows on the device are seen, which go to `inputs` normalised.
+    /// Runs the network of these weights on `count` rows on the device; writes the normalised rows to `inputs`.
     pub(super) fn ask(&self, weights: u64, rows: u64, inputs: u64, count: usize) -> Result<(), DeviceError> {
         let (width, [mean, inverse]) = (self.shape.inputs(), &self.kept.seen);
         let args = [rows, mean.ptr, inverse.ptr, inputs].map(Ptr);
@@ -45,7 +45,7 @@ impl CudaEngine {
         Ok(())
     }
 
-    /// Draws the actions of step t of a rollout, whose observations are there, with noise so many streams after the first.
+    /// Draws the actions of step t of a rollout, whose observations are there, with noise from the stream `later` after the key's.
     pub(super) fn drawn(&self, t: usize, (noise, later): (StreamKey, usize)) -> Result<(), DeviceError> {
         let (n, width, a) = (self.kept.environments, self.shape.inputs(), self.shape.action);
         let first = t * n;
@@ -59,7 +59,7 @@ impl CudaEngine {
         self.over("act", n, &[&read[..], &key, &noise, &written.map(Ptr), &kept, &sizes].concat())
     }
 
-    /// Values, by these weights, of what the last step reached, and of what was where time ran out in a rollout on the device.
+    /// Values, by these weights, of the states after the last step and at time-outs, in a rollout on the device.
     pub(super) fn reached(&self, weights: u64) -> Result<(), DeviceError> {
         let Kept { environments: n, horizon, slots, rows, inputs, which, ends, .. } = &self.kept;
         self.over("reached", *n, &[Ptr(ends.ptr), Ptr(which.ptr), Int(*n), Int(*horizon), Int(*slots)])?;

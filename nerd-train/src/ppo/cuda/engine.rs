@@ -13,7 +13,9 @@ impl CudaEngine {
         if self.orders.as_ref().is_none_or(|(known, asked, _)| known != config || *asked != key) {
             self.ahead(config, key);
         }
-        let Some((_, _, orders)) = self.orders.take() else { refuse!("no orders were drawn") };
+        let Some((_, _, orders)) = self.orders.take() else {
+            refuse!("no thread could be started to draw the order of steps; allow more (ulimit -u)")
+        };
         Ok(orders)
     }
 
@@ -87,11 +89,11 @@ impl Engine for CudaEngine {
         // Orders are drawn while the device rolls, as they are needed.
         let (give, orders) = std::sync::mpsc::sync_channel(config.epochs);
         let settings = config.clone();
-        std::thread::spawn(move || {
+        let drawn = std::thread::Builder::new().spawn(move || {
             // Who no longer listens needs no more of them.
             let _ = update::orders(&settings, key).try_for_each(|order| give.send(order));
         });
-        self.orders = Some((config.clone(), key, orders));
+        self.orders = drawn.is_ok().then(|| (config.clone(), key, orders));
     }
 
     /// On the device where the episodes are there, or else by turns with them.

@@ -1,4 +1,4 @@
-// Around a step whose learner is beside this library: its actions in, what it is shown out. 32 bits for what it computes with.
+// Around a step whose learner is beside this library: actions in, observations out. Its numbers have 32 bits.
 
 // Actions within their bounds, NaN as it is; no time has run out yet.
 extern "C" __global__ void offer(const float* asked, float* actions, unsigned* cuts, int actions_all, int n) {

@@ -28,7 +28,7 @@ struct Door {
 
 /// What learners read after a step: the same memory of the GPU each time.
 pub struct Shown {
-    /// `[env][observation]`, of ended episodes those of the next ones.
+    /// `[env][observation]`; where an episode ended, the first observation of the next.
     pub observations: Buffer<f32>,
     /// `[env][observation]` before the next episode began where time ran out; elsewhere as `observations`.
     pub reached: Buffer<f32>,

@@ -1,4 +1,4 @@
-//! Memory on a card: of a rollout, of what passes read of it, and where an update is.
+//! GPU memory of a rollout, of the inputs of its passes, and of an update's state.
 
 use super::*;
 
@@ -11,7 +11,7 @@ pub(super) struct Kept {
     pub(super) horizon: usize,
     pub(super) step: usize,
     pub(super) observations: Buffer<f64>,
-    /// Values in units of reward: by step, of what the last step reached, and by step of what was reached where time ran out.
+    /// Values in units of reward: of every step, of the states after the last step, and of the states at time-outs by step.
     pub(super) values: Buffer<f64>,
     pub(super) both: Buffer<f64>,
     /// What came of each step (`gae.rs`).
@@ -63,7 +63,7 @@ impl Kept {
         })
     }
 
-    /// Makes room for so many times that may run out in every environment.
+    /// Makes room for `slots` time-outs in every environment.
     pub(super) fn slots(&mut self, net: &Network, slots: usize) -> Result<(), DeviceError> {
         if self.slots < slots {
             let (device, n, all) = (&net.device, self.environments, (1 + slots) * self.environments);
@@ -73,7 +73,7 @@ impl Kept {
         Ok(())
     }
 
-    /// Where values go of what was reached where time ran out, by step.
+    /// Address of the values of the states at time-outs, by step.
     pub(super) fn cut(&self, step: usize) -> u64 {
         self.values.at((self.horizon + 1 + step) * self.environments)
     }
@@ -92,7 +92,7 @@ pub(super) struct Steps {
 }
 
 impl Steps {
-    /// Of so many steps, whose inputs and actions are so wide.
+    /// For `n` steps, with `padded` inputs and `action` actions each.
     pub(super) fn new(device: &Device, n: usize, padded: usize, action: usize) -> Result<Self, DeviceError> {
         let zeros = |width: usize| device.zeros(n * width);
         Ok(Self {

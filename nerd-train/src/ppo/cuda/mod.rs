@@ -61,7 +61,7 @@ pub struct CudaEngine {
     beta: [f64; 2],
     /// What is drawn of the next update: its settings, its seeds, and the order of each pass.
     orders: Option<(PpoConfig, StreamKey, Orders)>,
-    /// The episodes on the card, once they have been asked for; none of those that cannot be there.
+    /// The episodes on the GPU, once requested; `Some(None)` if they cannot run there.
     world: Option<Option<World>>,
 }
 

@@ -4,7 +4,7 @@ use super::*;
 
 impl CudaEngine {
     /// Steps every environment through a horizon, from where `running` is; what the steps led to has no value yet.
-    pub(super) fn stay(&mut self, world: &mut World, Stage { episodes, running, policy, config, noise }: &mut Stage) -> Result<Taken> {
+    pub(super) fn stay(&mut self, world: &mut World, Stage { episodes, running, policy, config, noise, .. }: &mut Stage) -> Result<Taken> {
         let Some(resident) = episodes.simulation.solver.resident() else { refuse!("the solver has left the device") };
         let (resident, noise, horizon) = (&*resident, *noise, config.horizon);
         let right = horizon == self.kept.horizon && running.stack.rows.len() == self.kept.environments * self.shape.inputs();

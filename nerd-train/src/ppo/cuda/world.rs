@@ -118,7 +118,7 @@ impl World {
         self.step
     }
 
-    /// How often at most one environment runs out of time in so many steps.
+    /// Upper bound on the time-outs of one environment within `steps` steps.
     pub(super) fn cuts(&self, steps: usize) -> usize {
         1 + (steps.saturating_sub(1) as u64 / self.length) as usize
     }
@@ -138,7 +138,7 @@ impl World {
         self.launch("task_judge", &[judge, &[Ptr(reached)]].concat())
     }
 
-    /// Where it is, and the place of its next frame, if rollouts of so many steps all begin there.
+    /// Its address and the index of its next frame, if all rollouts of `steps` steps begin at that index.
     pub(super) fn key(&self, steps: usize) -> Option<(u64, usize)> {
         let Past { room, count, .. } = self.past;
         (room == 0 || (steps * self.step).is_multiple_of(room)).then(|| (self.fields.ptr, count.checked_rem(room).unwrap_or(0)))
@@ -157,7 +157,7 @@ impl World {
         (Trail { states: states.ptr, torques: torques.ptr, frames: *room }, [goals.ptr, reached])
     }
 
-    /// A kernel of the way back over `steps`, in so many rows of blocks.
+    /// Launches a kernel of the backward pass over `steps`, in `rows` rows of blocks.
     pub(super) fn back(&self, kernel: &str, rows: usize, steps: u64, args: &[Arg]) -> Result<(), DeviceError> {
         let args = [&[Ptr(self.fields.ptr), Ptr(steps)], args].concat();
         self.device.launch(kernel, (self.n.div_ceil(BLOCK), rows), (BLOCK, 1), 0, &args)

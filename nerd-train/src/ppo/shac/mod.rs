@@ -1,5 +1,5 @@
-//! Short-horizon actor-critic (Xu et al. 2022, arXiv 2204.07137): the policy climbs the slope of what it earns, found by going back through
-//! its rollouts.
+//! Short-horizon actor-critic (Xu et al. 2022, arXiv 2204.07137): the policy ascends the gradient of its return,
+//! found by backpropagation through its rollouts.
 //!
 //! ```text
 //! J = 1 / (N h) sum_env [ sum_t c_t R_t + c_h V'(s_h) ]      c = 1, gamma, gamma^2, .. from the window's or an episode's start
@@ -50,7 +50,7 @@ pub struct Shac {
 }
 
 impl Shac {
-    /// Of a policy that has learned nothing, whose spread is narrowed; `seed` is that of the critic's weights.
+    /// Of a policy that has learned nothing, whose spread is narrowed; `seed` draws the critic's weights.
     ///
     /// # Errors
     /// If the task, the solver or what sensors show has no slopes.
@@ -87,7 +87,7 @@ impl Shac {
         let gradient = std::mem::take(&mut self.gradient);
         let left = (1.0 - orders.number as f64 / config.iterations as f64).max(LEAST);
         (adam.rate, self.adam.rate) = (config.rate * left, config.rate * left);
-        // As many as it has made, also in a run that goes on.
+        // The critic's number of updates so far, also in a resumed run.
         self.adam.step = adam.step * (config.epochs * config.steps().div_ceil(config.minibatch)) as u64;
         adam.step(BETA, &mut policy.flat, &gradient, config.gradient_norm)
     }
@@ -104,7 +104,7 @@ impl Shac {
         Policy { flat: self.slow.clone(), ..policy.clone() }
     }
 
-    /// Gradient of `-J` by the policy's parameters, as far as it is that of these environments.
+    /// The share of these environments in the gradient of `-J` by the policy's parameters.
     fn by_parameters(&self, policy: &Policy, envs: Range<usize>) -> Vec<f32> {
         let (width, a, n) = (policy.shape.inputs(), policy.shape.action, self.environments());
         let own: Vec<usize> = (0..self.by_actions.len() / a).filter(|i| envs.contains(&(i % n))).collect();

@@ -22,12 +22,13 @@ pub(super) struct Steps {
 
 impl Steps {
     /// Steps every environment through a horizon.
-    pub fn rolled(Stage { episodes, running, policy, config, noise }: &mut Stage) -> Result<(Self, Taken)> {
+    pub fn rolled(Stage { episodes, running, policy, config, noise, stop }: &mut Stage) -> Result<(Self, Taken)> {
         let (mut kept, mut taken, mut cut) = (Self::default(), Taken::default(), Vec::new());
         let actor = Actor::new((*policy).clone());
         kept.environments = episodes.len();
         episodes.trace();
         for t in 0..config.horizon {
+            stop.check()?;
             let answer = actor.answer(&running.stack.rows);
             let drawn = drawn(&answer, StreamKey { number: noise.number + t as u64, ..*noise });
             kept.rows.extend_from_slice(&running.stack.rows);

@@ -158,7 +158,7 @@ FN void glide_back(double* slope) {
 }
 
 // Gradients by the chain before a frame: through its outputs, through its tokens `[RODS][INPUTS]`, and through the gripper's glide.
-// `ends` are those of the chain, and are written over.
+// `ends` holds the chain's nodes, and is overwritten.
 FN void frame_back(const double* chain, const double* glided, const float* numbers, const double* touches, const float* by_tokens,
                    const double* behind, double* ends, double* slope) {
     OF_BLOCK double sums[12];
@@ -234,7 +234,7 @@ FN double loss(const double* after, const double* wanted, double* ends, double* 
     return total;
 }
 
-// Adds upstream gradients of so many later frames to its own: at most as much as if each of them were as large as its own.
+// Adds upstream gradients of `later` later frames to the frame's own, clipped to `later` times the norm of its own.
 FN void join(const double* behind, int later, double* slope) {
     OF_BLOCK double squares[2];
     EACH(c, 2) {

@@ -37,7 +37,7 @@ KERNEL unroll_advance(WORLD, double* chains, int k, const float* said) {
     store(after, at + (long long)gridDim.x * CHAIN, CHAIN);
 }
 
-// The gradient of frame k's loss joined by the upstream ones of so many later frames; then the frame is evaluated once more.
+// The gradient of frame k's loss joined by the upstream gradients of `later` later frames; then the frame is evaluated once more.
 KERNEL unroll_behind(WORLD, const double* chains, int k, int later, double weight, double* behinds, double* losses, float* tokens, double* touches) {
     __shared__ double chain[CHAIN], other[CHAIN], slope[CHAIN], ends[6 * RODS], true_ends[6 * RODS];
     MOTIONS(blockIdx.x)

@@ -38,7 +38,7 @@ pub(super) fn apart(chain: &Chain, a: &Rods, b: &Rods) -> f64 {
     a.iter().zip(&b).map(|(a, b)| (a - b).norm()).sum()
 }
 
-/// What a network misses of the change of rates over single frames, as a share of it; of so many frames, at even distances.
+/// A network's relative error in the change of rates over single frames, over `frames` evenly spaced frames.
 pub(super) fn missed(chain: &Chain, motions: &Motions, network: &Loaded, scale: &[f64; OUTPUTS], frames: usize) -> f64 {
     let rows = validation_rows(motions.len() * motions.frames, frames);
     let one = |memory: &mut Memory, row: &u64| {

@@ -1,9 +1,9 @@
 //! The loss of predicted rods.
 //!
 //! With `p(e) = sqrt(1 + e^2) - 1` of every number and means over them, in the k-th frame of a rollout with `q = 2 f sqrt k`:
-//! `p(dtd / A q) + p(dt / A T q) + 2 p(dx / V T q) + p(dv / V q) + p(dg / 2 G) / 5`, A the mean change of rates, V that of nodes'
-//! velocities and G the error of the gripper's glide, all over a frame of time T. Errors grow along a rollout, and their scale grows with
-//! them.
+//! `p(dtd / A q) + p(dt / A T q) + 2 p(dx / V T q) + p(dv / V q) + p(dg / 2 G) / 5`, A the mean change of rates, V the mean change of
+//! nodes' velocities and G the error of the gripper's glide, all over a frame of time T. Errors grow along a rollout, and their scale grows
+//! with them.
 
 use super::*;
 

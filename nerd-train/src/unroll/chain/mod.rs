@@ -110,7 +110,7 @@ impl Cable {
         numbers(&self.chain)
     }
 
-    /// The text of its kernels, in scenes of at most so many colliders.
+    /// Source text of its kernels, for scenes of at most `colliders` colliders.
     pub fn program(&self, system: &Arc<System>, colliders: usize) -> String {
         let mut text = chain_functions(&self.chain, &self.scale, system, colliders);
         let loss = &self.loss;

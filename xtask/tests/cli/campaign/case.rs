@@ -6,8 +6,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng as Dice;
 use serde::Deserialize;
 
-use super::text::{Dictionary, byte};
 use super::{files::Files, judge::Case};
+use nerd_lab::campaign::{Dictionary, byte};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -50,10 +50,10 @@ impl Kind {
 
     fn words(self) -> Dictionary {
         match self {
-            Self::Urdf => Dictionary::new(include_str!("assets/urdf.txt"), false),
-            Self::Toml => Dictionary::new(include_str!("assets/toml.txt"), false),
-            Self::Csv => Dictionary::new(include_str!("assets/csv.txt"), false),
-            Self::Model => Dictionary::new(include_str!("assets/model.txt"), false),
+            Self::Urdf => Dictionary::urdf(),
+            Self::Toml => Dictionary::toml(),
+            Self::Csv => Dictionary::csv(),
+            Self::Model => Dictionary::model(),
             Self::Line => Dictionary::new(include_str!("assets/line.txt"), true),
             Self::Mesh => Dictionary::new(include_str!("assets/mesh.txt"), false),
         }

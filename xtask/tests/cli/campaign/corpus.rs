@@ -5,7 +5,9 @@ use std::collections::BTreeMap;
 use serde::Deserialize;
 
 use super::judge::{Case, Outcome, judge};
-use super::{case::Kind, files::Files, text::repeated};
+use nerd_lab::campaign::repeated;
+
+use super::{case::Kind, files::Files};
 
 /// TRAIN of a line.
 const TRAIN: &str = "train --robot pendulum --recipe small --embedding 8 --layers 1 --history 4 --transitions 200 --frames 20 --updates 2 \

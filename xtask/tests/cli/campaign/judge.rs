@@ -17,7 +17,7 @@ const TIME: Duration = Duration::from_secs(10);
 const MEMORY: u64 = 4 << 20;
 /// Longest message (bytes): it has to be readable.
 const WORDS: usize = 10_000;
-/// Exit codes of what is used, and of what is refused.
+/// Exit codes of an accepted and of a refused input.
 const USED: i32 = 0;
 const REFUSED: i32 = 2;
 

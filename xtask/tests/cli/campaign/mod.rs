@@ -7,7 +7,6 @@ mod corpus;
 mod files;
 mod judge;
 mod kills;
-mod text;
 
 use std::collections::BTreeMap;
 use std::path::Path;

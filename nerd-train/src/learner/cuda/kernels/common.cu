@@ -114,7 +114,7 @@ extern "C" __global__ void row_partial(const float* x, int rows, int width, floa
     partial[(u64)blockIdx.y * width + c] = sum;
 }
 
-// The squared error of the outputs, a sum per block; `target` becomes the loss's gradient. gain = 2 / (tokens OUT); the gradient is that of
+// The squared error of the outputs, a sum per block; `target` becomes the loss's gradient. gain = 2 / (tokens OUT); the gradient is of
 // the pseudo-Huber loss with bend = 1 / delta^2, of the squares where bend is 0.
 extern "C" __global__ void loss(const float* said, float* target, float* partial, u64 count, float gain, float bend) {
     float sum = 0.0f;

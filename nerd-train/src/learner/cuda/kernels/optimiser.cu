@@ -37,7 +37,7 @@ extern "C" __global__ void finish(const float* partial, int count, const float* 
     s->step += 1;
 }
 
-// Clip, Adam (with these betas) and the moving average `a`, of what is not Muon's: for training and for PPO. Factors: clip, rate, root of
+// Clip, Adam (with these betas) and the moving average `a`, of parameters outside Muon: for training and PPO. Factors: clip, rate, root of
 // the second correction, share of the average. `a`, `hidden` and `bad` may be null; a run whose loss was not finite leaves the weights as they
 // were.
 extern "C" __global__ void adam(float* w, const float* g, float* m, float* v, float* a, const float* factors, const u64* bad, u64 n,

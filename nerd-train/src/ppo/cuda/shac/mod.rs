@@ -9,7 +9,7 @@ use way::{Rolled, Way};
 
 /// SHAC on a GPU.
 pub struct CudaShac {
-    /// Its gradient and J are those of the last rollout, wherever that was made.
+    /// Its gradient and J belong to the last rollout, made on the CPU or the GPU.
     pub shac: Shac,
     engine: CudaEngine,
     critic: Critic,
@@ -20,7 +20,7 @@ pub struct CudaShac {
     spent: Vec<(&'static str, f64)>,
 }
 
-/// The critic's weights on the device with their moments, and those of V'.
+/// The critic's weights on the device with their moments, and the weights of V'.
 struct Critic {
     weights: Buffer<f32>,
     moments: [Buffer<f32>; 2],

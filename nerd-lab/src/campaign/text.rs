@@ -1,18 +1,35 @@
 //! Changes of good text: of its numbers, its words, stretches of it, its bytes. The same dice make the same changes.
 
+pub use nerd_tasks::ChaCha8Rng as Dice;
 use rand::RngExt;
-use rand_chacha::ChaCha8Rng as Dice;
 
 /// Longest stretch that is copied or goes, in words and what is between them.
 const STRETCH: usize = 60;
 
 pub struct Dictionary {
     words: Vec<String>,
-    /// Whether words end only at spaces, as those of a command line do; their numbers then come from the dictionary alone.
+    /// Whether words end only at spaces, as on a command line; their numbers then come from the dictionary alone.
     spaced: bool,
 }
 
 impl Dictionary {
+    /// Of robots, of tables, of configurations, of TOML.
+    pub fn urdf() -> Self {
+        Self::new(include_str!("words/urdf.txt"), false)
+    }
+
+    pub fn toml() -> Self {
+        Self::new(include_str!("words/toml.txt"), false)
+    }
+
+    pub fn csv() -> Self {
+        Self::new(include_str!("words/csv.txt"), false)
+    }
+
+    pub fn model() -> Self {
+        Self::new(include_str!("words/model.txt"), false)
+    }
+
     /// From words in the first line, `''` for none, and whole lines below it.
     pub fn new(text: &str, spaced: bool) -> Self {
         let (words, lines) = text.split_once('\n').unwrap_or((text, ""));
@@ -92,7 +109,7 @@ pub fn byte(dice: &mut Dice, bytes: &mut Vec<u8>) {
     }
 }
 
-/// `@(/1*200000)@` stands for so many of them.
+/// `@(/1*200000)@` stands for 200000 repetitions of `/1`.
 pub fn repeated(text: &str) -> String {
     let found = text.split_once("@(").and_then(|(before, rest)| {
         let (inside, after) = rest.split_once(")@")?;

@@ -1,17 +1,17 @@
-//! Files of meshes: how much of one is borne, and its bytes.
+//! Mesh files: limits on their size, and their bytes.
 
 use std::path::Path;
 
 /// Largest file that is read (bytes).
-const LARGEST: u64 = 1 << 28;
+pub(crate) const LARGEST: u64 = 1 << 28;
 /// Nodes of a file may be nested this deep.
-pub(super) const DEEPEST: usize = 64;
-/// Most elements of its nodes, and most vertices, what is shown twice counted twice: a short file may ask for 2^64 of them.
-pub(super) const NODES: usize = 1_000_000;
-pub(super) const MOST: usize = 10_000_000;
+pub(crate) const DEEPEST: usize = 64;
+/// Most elements of its nodes, and most vertices, counted as often as shown: a short file may state 2^64 of them.
+pub(crate) const NODES: usize = 1_000_000;
+pub(crate) const MOST: usize = 10_000_000;
 
-/// What a file of a bearable size holds.
-pub(super) fn bytes_of(path: &Path) -> Result<Vec<u8>, String> {
+/// The bytes of a file within the size limit.
+pub(crate) fn bytes_of(path: &Path) -> Result<Vec<u8>, String> {
     let about = std::fs::metadata(path).map_err(|e| e.to_string())?;
     if !about.is_file() || about.len() > LARGEST {
         return Err(format!("is no file, or has more than {LARGEST} bytes"));

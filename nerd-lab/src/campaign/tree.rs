@@ -1,0 +1,164 @@
+//! Changes of XML by element and attribute: what is deleted, doubled, swapped, renamed, nested, and numbers that no file should have.
+
+use rand::RngExt;
+
+use super::text::Dice;
+use crate::prelude::*;
+
+/// Elements of a changed file at most: copies of copies of copies are no other case.
+const MOST: usize = 400;
+/// What an attribute is given.
+const ODD: [&str; 14] =
+    ["0", "-1", "1e300", "-1e300", "nan", "inf", "", "1e-300", "x", "0.5 0.5", "1 0 0 0 0 0 0", "true", "3", "2147483648"];
+
+#[derive(Clone, Debug, Default)]
+pub struct Element {
+    pub name: String,
+    pub attributes: Vec<(String, String)>,
+    pub children: Vec<Element>,
+}
+
+impl Element {
+    /// The root of a text that is XML; its texts are left out.
+    pub fn read(text: &str) -> Result<Self> {
+        fn of(node: &roxmltree::Node) -> Element {
+            let attributes = node.attributes().map(|a| (a.name().into(), a.value().into())).collect();
+            Element {
+                name: node.tag_name().name().into(),
+                attributes,
+                children: node.children().filter(|n| n.is_element()).map(|n| of(&n)).collect(),
+            }
+        }
+        Ok(of(&roxmltree::Document::parse(text)?.root_element()))
+    }
+
+    pub fn write(&self, out: &mut String) {
+        let escape = |text: &str| text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;");
+        out.push_str(&format!("<{}", self.name));
+        self.attributes.iter().for_each(|(key, value)| out.push_str(&format!(" {key}=\"{}\"", escape(value))));
+        if self.children.is_empty() {
+            return out.push_str("/>");
+        }
+        out.push('>');
+        self.children.iter().for_each(|child| child.write(out));
+        out.push_str(&format!("</{}>", self.name));
+    }
+
+    fn count(&self) -> usize {
+        1 + self.children.iter().map(Self::count).sum::<usize>()
+    }
+
+    /// An element by number, the root first.
+    fn at(&mut self, mut k: usize) -> &mut Self {
+        let Some(next) = k.checked_sub(1) else { return self };
+        k = next;
+        let sizes: Vec<usize> = self.children.iter().map(Self::count).collect();
+        for (child, size) in sizes.into_iter().enumerate() {
+            if k < size {
+                return self.children[child].at(k);
+            }
+            k -= size;
+        }
+        self
+    }
+
+    /// All of its elements.
+    pub fn all(&self) -> Vec<&Self> {
+        std::iter::once(self).chain(self.children.iter().flat_map(Self::all)).collect()
+    }
+
+    /// Changes it once; `others` are elements of files of its kind.
+    pub fn change(&mut self, dice: &mut Dice, others: &[Self]) {
+        let n = self.count();
+        let [a, b] = [(); 2].map(|()| dice.random_range(0..n));
+        let other = others[dice.random_range(0..others.len())].clone();
+        match dice.random_range(0..16) {
+            0 => self.thin(dice, a, |_, _| None),
+            1 if n < MOST => self.thin(dice, a, |child, _| Some(vec![child.clone(), child])),
+            2 => {
+                let own = self.at(a);
+                let m = own.children.len();
+                if m > 1 {
+                    let [x, y] = [(); 2].map(|()| dice.random_range(0..m));
+                    own.children.swap(x, y);
+                }
+            }
+            // One within another, and what stands elsewhere.
+            3 if n < MOST => {
+                let moved = self.at(a).clone();
+                self.at(b).children.push(moved);
+            }
+            4 if n < MOST => self.at(a).children.push(Self { children: Vec::new(), ..other }),
+            5 => self.at(a).name = other.name,
+            6 => self.at(a).children.reverse(),
+            7 => {
+                let own = self.at(a);
+                if !own.attributes.is_empty() {
+                    let k = dice.random_range(0..own.attributes.len());
+                    own.attributes.remove(k);
+                }
+            }
+            8 | 9 => {
+                if !other.attributes.is_empty() {
+                    let (key, value) = other.attributes[dice.random_range(0..other.attributes.len())].clone();
+                    self.at(a).set(key, value);
+                }
+            }
+            // Another object's key, unchanged, with this value.
+            10 => {
+                let own = self.at(a);
+                if let (Some((key, _)), false) = (other.attributes.first(), own.attributes.is_empty()) {
+                    let k = dice.random_range(0..own.attributes.len());
+                    let value = own.attributes.remove(k).1;
+                    own.set(key.clone(), value);
+                }
+            }
+            _ => {
+                // The next that has some.
+                if let Some(own) = (a..n).chain(0..a).find(|k| !self.at(*k).attributes.is_empty()) {
+                    let own = self.at(own);
+                    let k = dice.random_range(0..own.attributes.len());
+                    own.attributes[k].1 = value(dice, &own.attributes[k].1);
+                }
+            }
+        }
+    }
+
+    fn set(&mut self, key: String, value: String) {
+        match self.attributes.iter_mut().find(|own| own.0 == key) {
+            Some(own) => own.1 = value,
+            None => self.attributes.push((key, value)),
+        }
+    }
+
+    /// A child of an element becomes what `of` makes of it.
+    fn thin(&mut self, dice: &mut Dice, at: usize, of: impl Fn(Self, usize) -> Option<Vec<Self>>) {
+        let own = self.at(at);
+        if !own.children.is_empty() {
+            let k = dice.random_range(0..own.children.len());
+            let child = own.children.remove(k);
+            of(child, k).into_iter().flatten().rev().for_each(|child| own.children.insert(k, child));
+        }
+    }
+}
+
+/// Another value: one of its words changed, or all of it.
+fn value(dice: &mut Dice, text: &str) -> String {
+    let odd = ODD[dice.random_range(0..ODD.len())];
+    let mut words: Vec<String> = text.split_whitespace().map(String::from).collect();
+    match dice.random_range(0..10) {
+        0 => "1 ".repeat(3000),
+        1 => text.repeat(2),
+        2 => odd.into(),
+        _ if words.is_empty() => odd.into(),
+        draw => {
+            let k = dice.random_range(0..words.len());
+            words[k] = match words[k].parse::<f64>() {
+                Ok(x) if draw < 6 => (x * 10f64.powf(dice.random_range(-3.0..3.0))).to_string(),
+                Ok(x) if draw == 6 => (-x).to_string(),
+                _ => odd.into(),
+            };
+            words.join(" ")
+        }
+    }
+}

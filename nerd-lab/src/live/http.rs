@@ -1,0 +1,188 @@
+//! HTTP for one small page: who connects and says nothing, or half of something, is hung up on; more than [`SEATS`] are not served at once,
+//! and of those the one that has been silent for longest makes room for the next.
+
+use std::collections::BTreeMap;
+use std::io::{Read, Write};
+use std::net::{Shutdown, TcpListener, TcpStream};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::prelude::*;
+
+/// Connections at once.
+const SEATS: usize = 200;
+/// How long one may be silent, a request may take to come, and an answer to be taken.
+const SILENT: Duration = Duration::from_secs(20);
+const SLOW: Duration = Duration::from_secs(5);
+/// Longest head and body of a request (bytes).
+const HEAD: usize = 8192;
+pub const BODY: usize = 1024;
+
+/// What was asked.
+#[derive(Debug, Default)]
+pub struct Request {
+    pub method: String,
+    pub path: String,
+    pub host: String,
+    pub kind: String,
+    pub body: Vec<u8>,
+    /// Whether nothing comes behind it.
+    last: bool,
+}
+
+/// Status, type and text.
+pub type Reply = (u16, &'static str, Arc<[u8]>);
+type Answer = dyn Fn(&Request) -> Reply + Send + Sync;
+
+/// Connections by number, and since when each has been silent.
+type Seats = Mutex<BTreeMap<u64, (Arc<TcpStream>, Instant)>>;
+
+pub struct Server {
+    pub address: std::net::SocketAddr,
+    over: Arc<AtomicBool>,
+}
+
+impl Server {
+    /// Answers at a port of this machine until it is dropped.
+    pub fn new(port: u16, answer: Arc<Answer>) -> std::io::Result<Self> {
+        let listener = TcpListener::bind(("127.0.0.1", port))?;
+        let (address, over) = (listener.local_addr()?, Arc::new(AtomicBool::new(false)));
+        let ended = over.clone();
+        std::thread::Builder::new().spawn(move || {
+            let seats = Arc::new(Seats::default());
+            for number in 0.. {
+                let stream = listener.accept();
+                if ended.load(Ordering::SeqCst) {
+                    return;
+                }
+                match stream {
+                    Ok((stream, _)) => seat(number, stream, &seats, &answer),
+                    // As many files are open as may be: some are closed in time.
+                    Err(_) => {
+                        hang_up(&seats);
+                        std::thread::sleep(Duration::from_millis(20));
+                    }
+                }
+            }
+        })?;
+        Ok(Self { address, over })
+    }
+}
+
+/// The connection that it makes is the last that is looked at.
+impl Drop for Server {
+    fn drop(&mut self) {
+        self.over.store(true, Ordering::SeqCst);
+        let _ = TcpStream::connect_timeout(&self.address, SLOW);
+    }
+}
+
+fn seat(number: u64, stream: TcpStream, seats: &Arc<Seats>, answer: &Arc<Answer>) {
+    let (stream, own, answer) = (Arc::new(stream), seats.clone(), answer.clone());
+    if locked(seats).len() >= SEATS {
+        hang_up(seats);
+    }
+    locked(seats).insert(number, (stream.clone(), Instant::now()));
+    // Without a thread for it it is hung up on.
+    let served = std::thread::Builder::new().spawn(move || {
+        while let Ok(last) = serve(&stream, &*answer) {
+            if last {
+                break;
+            }
+            locked(&own).entry(number).and_modify(|seat| seat.1 = Instant::now());
+        }
+        locked(&own).remove(&number);
+    });
+    if served.is_err() {
+        locked(seats).remove(&number);
+    }
+}
+
+/// On the one that has been silent for longest.
+fn hang_up(seats: &Seats) {
+    let mut seats = locked(seats);
+    let oldest = seats.iter().min_by_key(|(_, seat)| seat.1).map(|(number, _)| *number);
+    if let Some((stream, _)) = oldest.and_then(|number| seats.remove(&number)) {
+        let _ = stream.shutdown(Shutdown::Both);
+    }
+}
+
+fn locked(seats: &Seats) -> std::sync::MutexGuard<'_, BTreeMap<u64, (Arc<TcpStream>, Instant)>> {
+    seats.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// One request and its answer; whether it was the last. An error ends the connection.
+fn serve(mut stream: &TcpStream, answer: &Answer) -> std::io::Result<bool> {
+    stream.set_nodelay(true)?;
+    stream.set_write_timeout(Some(SLOW))?;
+    let (asked, (code, kind, text)) = match read(stream)? {
+        Ok(asked) => {
+            let reply = answer(&asked);
+            (asked, reply)
+        }
+        Err((code, why)) => (Request { last: true, ..Request::default() }, (code, "text/plain; charset=utf-8", why.as_bytes().into())),
+    };
+    let (length, close) = (text.len(), if asked.last { "Connection: close\r\n" } else { "" });
+    let head = format!("HTTP/1.1 {code} \r\nContent-Type: {kind}\r\nContent-Length: {length}\r\nCache-Control: no-store\r\n{close}\r\n");
+    let text = if asked.method == "HEAD" { b"" } else { &text[..] };
+    stream.write_all(&[head.as_bytes(), text].concat())?;
+    if asked.last {
+        // What is still on its way is let in, since it would cut the answer short.
+        stream.shutdown(Shutdown::Write)?;
+        stream.set_read_timeout(Some(Duration::from_millis(500)))?;
+        let _ = std::io::copy(&mut stream.take(1 << 20), &mut std::io::sink());
+    }
+    Ok(asked.last)
+}
+
+/// Reads a request, or says why it is none that is answered.
+fn read(mut stream: &TcpStream) -> std::io::Result<Result<Request, (u16, &'static str)>> {
+    let (mut bytes, mut began) = (Vec::new(), None);
+    loop {
+        let left = began.map_or(Some(SILENT), |began: Instant| SLOW.checked_sub(began.elapsed()));
+        stream.set_read_timeout(Some(left.filter(|left| !left.is_zero()).ok_or(std::io::ErrorKind::TimedOut)?))?;
+        let mut some = [0; 4096];
+        let n = stream.read(&mut some)?;
+        if n == 0 {
+            return Err(std::io::ErrorKind::UnexpectedEof.into());
+        }
+        began.get_or_insert_with(Instant::now);
+        bytes.extend_from_slice(&some[..n]);
+        match parsed(&bytes) {
+            Ok(None) if bytes.len() < HEAD + BODY => {}
+            Ok(None) => return Ok(Err((431, "an ask has a shorter head"))),
+            Ok(Some(request)) => return Ok(Ok(request)),
+            Err(refused) => return Ok(Err(refused)),
+        }
+    }
+}
+
+/// A request, once all of it is there. Nobody here sends a second one before the first is answered.
+fn parsed(bytes: &[u8]) -> Result<Option<Request>, (u16, &'static str)> {
+    const LONG: (u16, &str) = (413, "an ask is at most 1024 bytes, and says how many");
+    let mut headers = [httparse::EMPTY_HEADER; 64];
+    let mut head = httparse::Request::new(&mut headers);
+    let httparse::Status::Complete(begin) = head.parse(bytes).map_err(|_| (400, "this is no HTTP"))? else { return Ok(None) };
+    let header = |name: &str| {
+        let found = head.headers.iter().find(|h| h.name.eq_ignore_ascii_case(name));
+        found.map(|h| String::from_utf8_lossy(h.value).into_owned())
+    };
+    let connection = header("Connection").unwrap_or_default().to_ascii_lowercase();
+    if ["Transfer-Encoding", "Expect"].into_iter().any(|name| header(name).is_some()) || connection.contains("upgrade") {
+        return Err(LONG);
+    }
+    let length = header("Content-Length").map_or(Ok(0), |n| n.trim().parse::<usize>()).map_err(|_| (400, "no length"))?;
+    if length > BODY {
+        return Err(LONG);
+    }
+    let Some(body) = bytes.get(begin..begin + length) else { return Ok(None) };
+    let word = |word: Option<&str>| word.unwrap_or_default().to_string();
+    Ok(Some(Request {
+        method: word(head.method),
+        path: word(head.path),
+        host: header("Host").unwrap_or_default(),
+        kind: header("Content-Type").unwrap_or_default(),
+        body: body.into(),
+        last: connection.contains("close") || head.version == Some(0),
+    }))
+}

@@ -1,0 +1,223 @@
+//! Compares a robot's masses and contact, as its file is read here, with MuJoCo's compiler: the mass of each body, which geoms may
+//! touch which, and with what friction and margin.
+
+use std::collections::HashMap;
+
+use nerd_core::contact::ContactPoint;
+use nerd_sim::scene::{PairLaw, SurfaceGeom};
+use nerd_sim::system::GROUND;
+use serde_json::json;
+
+use super::referee::Python;
+use crate::prelude::*;
+
+const COMPILED: &str = include_str!("compiled.py");
+/// Share of a mass, and difference of a friction or a margin (m), that rounding makes.
+const ROUNDING: f64 = 1e-6;
+/// What MuJoCo takes a smaller friction for.
+const LEAST_FRICTION: f64 = 1e-5;
+
+/// What MuJoCo makes of a file, as `compiled.py` says it.
+#[derive(Deserialize)]
+struct Compiled {
+    masses: BTreeMap<String, f64>,
+    geoms: Vec<Geom>,
+    laws: Vec<Law>,
+    pairs: Vec<[usize; 3]>,
+}
+
+#[derive(Deserialize)]
+struct Geom {
+    name: String,
+    body: String,
+    place: usize,
+}
+
+#[derive(Deserialize)]
+struct Law {
+    condim: i64,
+    friction: [f64; 5],
+    margin: f64,
+}
+
+/// A robot beside what MuJoCo makes of its file.
+#[derive(Clone, Debug)]
+pub struct Compared {
+    /// Moving bodies whose masses were compared.
+    pub bodies: usize,
+    /// Pairs of geoms that may touch in MuJoCo.
+    pub pairs: usize,
+    /// What differs, in words.
+    pub differences: Vec<String>,
+}
+
+/// Compares a robot with what MuJoCo makes of its MJCF at `path`. A geom that stands in the world touches as in the robot's own scene: it has
+/// to be there, and the robot's geom needs a contact point. Of two geoms that move the file's own rules are compared.
+pub fn compare(python: &Path, path: &Path, system: &System) -> Result<Compared> {
+    let theirs: Compiled = Python::start(python, COMPILED)?.ask(&json!({ "path": path }))?;
+    let mut differences = masses(&system.robot, &theirs.masses);
+    differences.extend(contacts(system, &theirs)?);
+    Ok(Compared { bodies: theirs.masses.len(), pairs: theirs.pairs.len(), differences })
+}
+
+/// Links and bodies that weigh something else, or are not there.
+fn masses(robot: &Robot, theirs: &BTreeMap<String, f64>) -> Vec<String> {
+    // The armature of a free root is part of its inertia, and no mass in MuJoCo.
+    let mass = |link: &Link| link.inertia.mass - if link.joint.is_none() { robot.free.armature } else { 0.0 };
+    let ours: HashMap<&str, f64> = robot.links.iter().map(|link| (link.name.as_str(), mass(link))).collect();
+    let body = |(name, theirs): (&String, &f64)| match ours.get(name.as_str()) {
+        Some(ours) if (ours - theirs).abs() <= ROUNDING * theirs => None,
+        Some(ours) => Some(format!("mass of `{name}`: {} kg here, {} in MuJoCo", digits(*ours), digits(*theirs))),
+        None if *theirs < 1e-12 => None,
+        None => Some(format!("`{name}` ({} kg) moves in MuJoCo, not here", digits(*theirs))),
+    };
+    let more = robot.links.iter().filter(|link| link.inertia.mass > 0.0 && !theirs.contains_key(&link.name));
+    let more: Vec<_> = more.map(|link| format!("`{}` moves here, not in MuJoCo", link.name)).collect();
+    theirs.iter().filter_map(body).chain(more).collect()
+}
+
+/// Pairs of geoms that touch in one alone, or otherwise. Geoms of a body that have the same properties are one surface here.
+fn contacts(system: &System, theirs: &Compiled) -> Result<Vec<String>> {
+    let ours = Ours::of(system)?;
+    let surfaces = &system.surfaces.geoms;
+    let places = |own: &'_ SurfaceGeom| own.geoms.iter().map(|(place, _)| *place).collect::<Vec<_>>();
+    let all = surfaces.iter().enumerate().flat_map(|(k, own)| places(own).into_iter().map(move |place| ((own.body.as_str(), place), k)));
+    let numbers: HashMap<(&str, usize), usize> = all.collect();
+    let number = |geom: &Geom| numbers.get(&(geom.body.as_str(), geom.place)).copied();
+    let (mut differences, mut met) = (Vec::new(), HashMap::<_, Vec<&Law>>::new());
+    for [a, b, law] in &theirs.pairs {
+        let [a, b] = [a, b].map(|k| &theirs.geoms[*k]);
+        match [number(a), number(b)] {
+            [Some(a), Some(b)] => met.entry([a.min(b), a.max(b)]).or_default().push(&theirs.laws[*law]),
+            _ => differences.push(format!("{a} and {b} touch in MuJoCo, not here")),
+        }
+    }
+    for pair @ [a, b] in (0..surfaces.len()).flat_map(|b| (0..b).map(move |a| [a, b])) {
+        let theirs = met.get(&pair).map_or(&[][..], Vec::as_slice);
+        let names = || pair.map(|k| named(&surfaces[k])).join(" and ");
+        differences.extend(match ours.touch(pair) {
+            None if theirs.is_empty() => None,
+            None => Some(format!("{} touch in MuJoCo, not here{}", names(), ours.lacks(pair))),
+            Some(_) if theirs.len() < surfaces[a].geoms.len() * surfaces[b].geoms.len() => {
+                Some(format!("{} touch here, not in MuJoCo", names()))
+            }
+            Some(ours) => theirs.iter().find_map(|law| ours.differs(law)).map(|what| format!("{}: {what} in MuJoCo", names())),
+        });
+    }
+    Ok(differences)
+}
+
+impl std::fmt::Display for Geom {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        let Self { name, body, place } = self;
+        if name.is_empty() { write!(f, "geom {place} of `{body}`") } else { write!(f, "`{name}`") }
+    }
+}
+
+/// The first geom of a surface, and how many are like it.
+fn named(surface: &SurfaceGeom) -> String {
+    let (place, name) = surface.geoms.first().cloned().unwrap_or_default();
+    let first = Geom { name, body: surface.body.clone(), place };
+    if surface.geoms.len() < 2 { first.to_string() } else { format!("{first} (and {} like it)", surface.geoms.len() - 1) }
+}
+
+/// How surfaces touch here, in the scene of the file.
+struct Ours<'a> {
+    system: &'a System,
+    scene: Arc<Scene>,
+    /// By number, a contact point of a surface that moves.
+    points: HashMap<usize, &'a ContactPoint>,
+    /// By number, the places in the scene of a surface that stands.
+    colliders: HashMap<usize, Vec<usize>>,
+}
+
+impl<'a> Ours<'a> {
+    fn of(system: &'a System) -> Result<Self> {
+        let scene = [GROUND, "base", "free"].into_iter().find(|scene| system.scene_names().contains(scene)).unwrap_or("free");
+        let scene = system.scene(scene)?;
+        let points = system.robot.contact_points.iter().filter_map(|point| Some((point.surface?, point))).collect();
+        let mut colliders = HashMap::<_, Vec<usize>>::new();
+        for (k, collider) in scene.colliders.iter().enumerate() {
+            if let Some(surface) = collider.surface {
+                colliders.entry(surface).or_default().push(k);
+            }
+        }
+        Ok(Self { system, scene, points, colliders })
+    }
+
+    fn surface(&self, number: usize) -> &SurfaceGeom {
+        &self.system.surfaces.geoms[number]
+    }
+
+    /// The first of the colliders of a surface that stands, if all its geoms are there.
+    fn stands(&self, number: usize) -> Option<&Collider> {
+        let places = self.colliders.get(&number).filter(|places| places.len() >= self.surface(number).geoms.len())?;
+        places.first().map(|place| &self.scene.colliders[*place])
+    }
+
+    /// How two surfaces touch, if they do.
+    fn touch(&self, [a, b]: [usize; 2]) -> Option<Touch> {
+        let law = self.system.surfaces.between(a, b)?;
+        let (own, other) = if self.surface(a).still { (b, a) } else { (a, b) };
+        if !self.surface(other).still {
+            return Some(Touch::from(law));
+        }
+        let material = self.system.meeting(self.points.get(&own)?, self.stands(other)?)?;
+        let friction = [material.friction, material.torsion, material.rolling];
+        Some(Touch { condim: law.condim, friction, margin: material.margin })
+    }
+
+    /// Why two surfaces cannot touch that may.
+    fn lacks(&self, pair: [usize; 2]) -> &'static str {
+        let may = self.system.surfaces.between(pair[0], pair[1]).is_some();
+        let lost = |still: bool| {
+            pair.into_iter().any(|k| match self.surface(k).still {
+                true => still && self.stands(k).is_none(),
+                false => !still && !self.points.contains_key(&k),
+            })
+        };
+        match may {
+            true if lost(true) => ", since what stands is not in the scene",
+            true if lost(false) => ", since what moves has no contact point",
+            _ => "",
+        }
+    }
+}
+
+/// How two surfaces touch.
+struct Touch {
+    condim: i64,
+    /// Sliding, torsional, rolling.
+    friction: [f64; 3],
+    margin: f64,
+}
+
+impl From<&PairLaw> for Touch {
+    fn from(law: &PairLaw) -> Self {
+        Self { condim: law.condim, friction: [law.friction, law.torsion, law.rolling], margin: law.margin }
+    }
+}
+
+impl Touch {
+    /// What is something else in MuJoCo. Of friction counts what the dimension of the contact has.
+    fn differs(&self, theirs: &Law) -> Option<String> {
+        if self.condim != theirs.condim {
+            return Some(format!("condim {} here, {}", self.condim, theirs.condim));
+        }
+        let [along, across, torsion, roll, turn] = theirs.friction;
+        let [slide, spin, rolling] = self.friction;
+        let all = [
+            ("friction", 3, slide, along),
+            ("friction across", 3, slide, across),
+            ("torsional friction", 4, spin, torsion),
+            ("rolling friction", 6, rolling, roll),
+            ("rolling friction across", 6, rolling, turn),
+        ];
+        let apart = |what: &str, ours: f64, theirs: f64| {
+            ((ours - theirs).abs() > ROUNDING).then(|| format!("{what} {} here, {}", digits(ours), digits(theirs)))
+        };
+        let friction = all.into_iter().filter(|(_, least, ..)| theirs.condim >= *least);
+        let friction = friction.filter_map(|(what, _, ours, theirs)| apart(what, ours.max(LEAST_FRICTION), theirs.max(LEAST_FRICTION)));
+        friction.chain(apart("margin", self.margin, theirs.margin)).next()
+    }
+}

@@ -1,0 +1,75 @@
+//! The settings that MuJoCo played by.
+
+use crate::prelude::*;
+
+/// Of contacts those with the world that occurred, each number between its bounds; none where nothing touched.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Settings {
+    /// Length of a step (s).
+    pub timestep: f64,
+    pub integrator: String,
+    pub cone: String,
+    pub solver: String,
+    pub impratio: f64,
+    /// World axes (m/s^2).
+    pub gravity: [f64; 3],
+    /// Dimensions of contacts.
+    pub condim: Vec<u32>,
+    /// Coefficient along the surface.
+    pub friction: Vec<[f64; 2]>,
+    pub solref: Vec<[f64; 2]>,
+    pub solimp: Vec<[f64; 2]>,
+    /// By joint, rotors of actuators included (kg m^2 or kg).
+    pub armature: Vec<f64>,
+    /// What actions set: torques, or targets of the file's position actuators.
+    pub control: String,
+    /// Whether links touched each other.
+    pub self_contact: bool,
+    pub ground: String,
+}
+
+impl Settings {
+    /// What differs from another's, each as this one and the other have it.
+    pub fn differences(&self, other: &Self) -> Vec<String> {
+        let (mine, theirs) = (self.words(), other.words());
+        let pairs = mine.into_iter().zip(theirs).filter(|(a, b)| a != b);
+        pairs.map(|((word, a), (_, b))| format!("{word} {a} and {b}")).collect()
+    }
+
+    /// All of them.
+    pub fn list(&self) -> Vec<String> {
+        self.words().into_iter().map(|(word, text)| format!("{word} {text}")).collect()
+    }
+
+    fn words(&self) -> [(&'static str, String); 13] {
+        let bounds = |all: &[[f64; 2]]| {
+            let each =
+                all.iter().map(|[low, high]| if low == high { number(*low) } else { format!("{} to {}", number(*low), number(*high)) });
+            let text = each.collect::<Vec<_>>().join(", ");
+            if text.is_empty() { "-".into() } else { text }
+        };
+        let dimensions = self.condim.iter().map(u32::to_string).collect::<Vec<_>>().join(", ");
+        let armature = self.armature.iter().fold([f64::INFINITY, 0.0f64], |[low, high], x| [low.min(*x), high.max(*x)]);
+        let armature = if self.armature.is_empty() { Vec::new() } else { vec![armature] };
+        [
+            ("timestep (s)", number(self.timestep)),
+            ("integrator", self.integrator.clone()),
+            ("cone", self.cone.clone()),
+            ("solver", self.solver.clone()),
+            ("impratio", number(self.impratio)),
+            ("gravity", self.gravity.map(number).join(" ")),
+            ("condim", if dimensions.is_empty() { "-".into() } else { dimensions }),
+            ("friction", bounds(&self.friction)),
+            ("solref", bounds(&self.solref)),
+            ("solimp", bounds(&self.solimp)),
+            ("armature", bounds(&armature)),
+            ("control", self.control.clone()),
+            ("self-contact", if self.self_contact { "yes" } else { "no" }.into()),
+        ]
+    }
+}
+
+/// Three digits.
+fn number(x: f64) -> String {
+    format!("{x:.2e}").parse::<f64>().unwrap_or(x).to_string()
+}

@@ -1,0 +1,16 @@
+//! Checks of XML texts before they are parsed.
+
+/// Upper bound on the nesting depth of elements; it also counts elements in comments. roxmltree recurses over nested elements.
+pub(crate) fn nested(text: &str) -> usize {
+    let (mut deep, mut most) = (0usize, 0);
+    for element in text.split('<').skip(1) {
+        match element.as_bytes().first() {
+            Some(b'/') => deep = deep.saturating_sub(1),
+            Some(b'!' | b'?') | None => {}
+            Some(_) if element.rfind('>').is_some_and(|end| element[..end].ends_with('/')) => most = most.max(deep + 1),
+            Some(_) => deep += 1,
+        }
+        most = most.max(deep);
+    }
+    most
+}

@@ -1,0 +1,110 @@
+//! One leg of a robot, and the joint positions that place its foot.
+
+use nalgebra::{Matrix6, Vector6};
+
+use super::spread::endless;
+use crate::internal::*;
+
+/// Iterations of the search.
+const TURNS: usize = 200;
+/// Shares of the largest distance of a contact point from its joint: points nearer to the joint than the first are shank; others that are
+/// at most the second higher than the farthest point are sole.
+const SHANK: f64 = 1.0 / 3.0;
+const SOLE: f64 = 0.05;
+/// Weight of a foot's level against its position, in units of the reach; it determines the joints that the position leaves free.
+const LEVEL: f64 = 0.01;
+/// Initial bend of a leg that may be straight (rad or m), towards the middle of its joints' ranges.
+const SEED: f64 = 0.01;
+
+/// A leg: its links from the hip to the foot.
+pub(super) struct Leg {
+    pub links: Vec<usize>,
+    /// The middle of the sole, or of a wheel, on the last link (m).
+    sole: Vector3<f64>,
+    /// The direction on the last link that points up; `None` for a wheel.
+    level: Option<Vector3<f64>>,
+    /// Largest distance of the foot below the hip (m).
+    pub reach: f64,
+}
+
+impl Leg {
+    /// The leg with links among `all`, the first of them the hip; `None` without contact points. `data` has the kinematics with all joints
+    /// at zero, where a foot is taken to be level.
+    pub fn new(robot: &Robot, data: &Data, up: &Vector3<f64>, all: std::ops::Range<usize>) -> Option<Self> {
+        let above = |link: usize| std::iter::successors(Some(link), |k| robot.links[*k].parent.filter(|_| *k != all.start));
+        let length = |link: usize| {
+            let chain: Vec<usize> = above(link).collect();
+            chain.windows(2).map(|pair| (data.position[pair[0]] - data.position[pair[1]]).norm()).sum::<f64>()
+        };
+        let touching = robot.contact_points.iter().filter(|p| all.contains(&p.link));
+        let places: Vec<(usize, Vector3<f64>)> = touching.flat_map(|p| p.places().into_iter().map(|at| (p.link, at))).collect();
+        let far = |(link, at): &(usize, Vector3<f64>)| length(*link) + at.norm();
+        let (last, end) = places.iter().max_by(|a, b| far(a).total_cmp(&far(b))).copied()?;
+        let mut links: Vec<usize> = above(last).collect();
+        links.reverse();
+        // For a foot with corners, the middle of the lower ones.
+        let height = |at: &Vector3<f64>| up.dot(&point_position(data, last, at));
+        let low = |at: &Vector3<f64>| at.norm() >= SHANK * end.norm() && height(at) <= height(&end) + SOLE * end.norm();
+        let soles = places.into_iter().filter(|(link, at)| *link == last && low(at)).map(|(_, at)| at);
+        let [least, most] = soles.fold([end; 2], |[a, b], at| [a.inf(&at), b.sup(&at)]);
+        let (middle, up) = (0.5 * (least + most), data.rotation[last].transpose() * up);
+        let wheel = robot.links[last].joint.as_ref().filter(|joint| endless(joint)).map(|joint| joint.axis().into_inner());
+        // A wheel may stand at any angle.
+        let (sole, level) = wheel.map_or((middle, Some(up)), |axis| (axis * axis.dot(&middle), None));
+        Some(Self { links, sole, level, reach: 0.0 })
+    }
+
+    fn last(&self) -> usize {
+        self.links[self.links.len() - 1]
+    }
+
+    /// From its hip to its sole (m, world axes); `data` has the kinematics.
+    pub fn way(&self, data: &Data) -> Vector3<f64> {
+        point_position(data, self.last(), &self.sole) - (data.origin + data.position[self.links[0]])
+    }
+
+    /// Bends its joints until its sole is at `asked` from its hip (m), and level; returns the remaining distance (m).
+    pub fn put(&self, robot: &Robot, state: &mut [f64], asked: &Vector3<f64>, up: &Vector3<f64>) -> f64 {
+        let mut data = Data::new(robot);
+        let at = |link: usize| robot.root_coords() + link - 1;
+        let limit = |link: usize| robot.links[link].joint.as_ref().and_then(|joint| joint.limit);
+        let within = |link: usize, q: f64| limit(link).map_or(q, |limit| q.clamp(limit.lower, limit.upper));
+        // A straight leg is singular.
+        let inside = |link: &usize| limit(*link).is_none_or(|limit| limit.lower < state[at(*link)] && state[at(*link)] < limit.upper);
+        if self.links.iter().all(inside) {
+            for (link, limit) in self.links.iter().filter_map(|link| Some((*link, limit(*link)?))) {
+                state[at(link)] += (0.5 * (limit.lower + limit.upper) - state[at(link)]).clamp(-SEED, SEED);
+            }
+        }
+        let rows = |way: &Vector3<f64>, level: &Vector3<f64>| {
+            let (way, level) = (way / self.reach, if self.level.is_some() { level * LEVEL } else { Vector3::zeros() });
+            Vector6::new(way.x, way.y, way.z, level.x, level.y, level.z)
+        };
+        let mut seen = |state: &[f64]| {
+            kinematics(robot, state, &mut data);
+            (self.way(&data), rows(&self.way(&data), &(data.rotation[self.last()] * self.level.unwrap_or_default())))
+        };
+        for _ in 0..TURNS {
+            let (_, now) = seen(state);
+            let (mut square, mut slopes) = (Matrix6::identity() * 1e-7, Vec::new());
+            for link in &self.links {
+                let mut moved = state.to_vec();
+                moved[at(*link)] += 1e-6;
+                let slope = (seen(&moved).1 - now) / 1e-6;
+                square += slope * slope.transpose();
+                slopes.push(slope);
+            }
+            let Some(push) = square.try_inverse().map(|inverse| inverse * (rows(asked, up) - now)) else { break };
+            for (link, slope) in self.links.iter().zip(slopes) {
+                let q = &mut state[at(*link)];
+                *q = within(*link, *q + slope.dot(&push).clamp(-0.1, 0.1));
+            }
+        }
+        // To a milliradian: this is an estimate.
+        for link in &self.links {
+            let q = &mut state[at(*link)];
+            *q = within(*link, (*q * 1e3).round() / 1e3 + 0.0);
+        }
+        (seen(state).0 - asked).norm()
+    }
+}

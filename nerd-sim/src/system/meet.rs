@@ -1,0 +1,45 @@
+//! Which contact points of a system meet which colliders, and with what material.
+
+use crate::internal::*;
+use crate::scene::Meeting;
+
+impl System {
+    /// Energy (J) in the springs of contacts, joints and their limits at a state: `k g^2 / 2` at the depth g of each.
+    pub fn stored(&self, scene: &Scene, state: &[f64], data: &mut Data) -> f64 {
+        let (robot, mut events) = (&self.robot, Vec::new());
+        contacts(self, scene, state, data, &mut events);
+        let near = robot.contact_points.iter().zip(&events).filter(|(_, event)| event.distance.is_finite());
+        let pressed = near.filter_map(|(point, event)| {
+            let material = self.meeting(point, &scene.colliders[event.collider])?;
+            Some(0.5 * material.stiffness * (event.distance - point.radius - material.margin).min(0.0).powi(2))
+        });
+        let joints = || state[robot.root_coords()..].iter().zip(robot.joints());
+        let bent = joints().filter_map(|(q, j)| j.limit.map(|l| 0.5 * l.stiffness * (q - q.clamp(l.lower, l.upper)).powi(2)));
+        let sprung = joints().map(|(q, j)| 0.5 * j.stiffness * (q - j.rest).powi(2));
+        pressed.sum::<f64>() + bent.sum::<f64>() + sprung.sum::<f64>()
+    }
+
+    /// The material of a contact point on a collider; `None` if they never meet.
+    #[inline]
+    pub fn meeting(&self, point: &ContactPoint, collider: &Collider) -> Option<Material> {
+        let material = collider.material.mean(&self.spec.material);
+        match self.surfaces.meeting(point, collider)? {
+            Meeting::Plain => Some(material),
+            Meeting::Law(law) => Some(material.by(law, collider, self.one_friction)),
+        }
+    }
+
+    /// The material of two of its own parts, the k-th pair.
+    pub(crate) fn folding(&self, k: usize) -> Material {
+        let own = &self.spec.material;
+        self.folds.laws[k].map_or(*own, |law| own.pair(&law, self.one_friction.filter(|_| law.condim > 1).unwrap_or(law.friction)))
+    }
+}
+
+/// Contact events of every contact point of a robot at one state, into `events`. Also leaves the kinematics in `data`.
+pub fn contacts(system: &System, scene: &Scene, state: &[f64], data: &mut Data, events: &mut Vec<ContactEvent>) {
+    let robot = &system.robot;
+    kinematics(robot, state, data);
+    events.clear();
+    events.extend(robot.contact_points.iter().map(|point| scene.meets(point, data, &system.surfaces)));
+}

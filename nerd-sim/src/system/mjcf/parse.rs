@@ -1,0 +1,98 @@
+//! The text of an MJCF file as elements, with the files that it includes in their places.
+
+use std::collections::HashSet;
+use std::sync::Arc;
+
+use roxmltree::{Document, Node};
+
+use super::element::{Element, Place};
+use crate::files::nested;
+use crate::files::read_text;
+use crate::internal::*;
+
+/// Elements may be nested this deep, and files included.
+const DEEPEST: usize = 128;
+const INCLUDES: usize = 16;
+/// Longest text, included files counted (bytes).
+const LARGEST: usize = 1 << 26;
+
+/// Whether a text is MJCF: its first element is `<mujoco>`.
+pub fn is_mjcf(text: &str) -> bool {
+    let mut rest = text;
+    while let Some(start) = rest.find('<') {
+        rest = &rest[start..];
+        let end = match rest {
+            _ if rest.starts_with("<!--") => "-->",
+            _ if rest.starts_with("<?") || rest.starts_with("<!") => ">",
+            _ => {
+                return rest
+                    .strip_prefix("<mujoco")
+                    .is_some_and(|rest| rest.starts_with(['>', '/']) || rest.starts_with(char::is_whitespace));
+            }
+        };
+        let Some(next) = rest.find(end) else { return false };
+        rest = &rest[next..];
+    }
+    false
+}
+
+/// Reads files into elements.
+pub(super) struct Parser<'a> {
+    /// Folder of the main file, in which included files are looked for first.
+    pub folder: &'a Path,
+    /// Length of all texts (bytes).
+    pub length: usize,
+    /// Files that were included.
+    pub seen: HashSet<PathBuf>,
+}
+
+impl Parser<'_> {
+    /// The root of a text; `file` is its name if another file includes it, at `depth`.
+    pub fn parse(&mut self, text: &str, file: Option<&str>, folder: &Path, depth: usize) -> Result<Element, UrdfError> {
+        let wrong = |reason: String| {
+            let file = file.map_or_else(String::new, |file| format!("{file}: "));
+            UrdfError::Refused(format!("not an MJCF that can be read: {file}{reason}"))
+        };
+        self.length += text.len();
+        if self.length > LARGEST {
+            return Err(wrong("longer than 64 MB with what it includes".into()));
+        }
+        if nested(text) > DEEPEST {
+            return Err(wrong(format!("elements nested more than {DEEPEST} deep")));
+        }
+        let document = Document::parse(text.trim_start_matches('\u{feff}')).map_err(|e| wrong(e.to_string()))?;
+        let place = Place { file: file.map(Arc::from), folder: folder.into(), line: 0 };
+        let ends: Vec<usize> = document.input_text().match_indices('\n').map(|(at, _)| at).collect();
+        self.element(&document.root_element(), &place, &ends, depth)
+    }
+
+    /// `ends` are the positions at which lines end.
+    fn element(&mut self, node: &Node, at: &Place, ends: &[usize], depth: usize) -> Result<Element, UrdfError> {
+        let start = node.range().start;
+        let place = Place { line: 1 + ends.partition_point(|end| *end < start) as u32, ..at.clone() };
+        let attributes = node.attributes().map(|a| (a.name().to_string(), a.value().to_string())).collect();
+        let mut own = Element { tag: node.tag_name().name().into(), place, attributes, children: Vec::new() };
+        for child in node.children().filter(Node::is_element) {
+            let child = self.element(&child, at, ends, depth)?;
+            if child.tag == "include" { own.children.extend(self.included(&child, depth)?) } else { own.children.push(child) }
+        }
+        Ok(own)
+    }
+
+    /// The children of the root of an included file.
+    fn included(&mut self, include: &Element, depth: usize) -> Result<Vec<Element>, UrdfError> {
+        let name = include.word("file").ok_or_else(|| include.refused("it names no file"))?;
+        if depth == INCLUDES {
+            return Err(include.refused("files that include each other"));
+        }
+        // First beside the main file, then beside the file that includes it.
+        let paths = [self.folder, &include.place.folder].map(|folder| folder.join(name));
+        let path = paths.iter().find(|path| path.is_file()).unwrap_or(&paths[0]);
+        if !self.seen.insert(std::fs::canonicalize(path).unwrap_or_else(|_| path.clone())) {
+            return Err(include.refused("the file is included twice"));
+        }
+        let text = read_text(path).map_err(|e| include.refused(e))?;
+        let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
+        Ok(self.parse(&text, Some(name), &folder, depth + 1)?.children)
+    }
+}

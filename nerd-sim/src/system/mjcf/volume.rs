@@ -1,0 +1,77 @@
+//! Mass properties of a mesh.
+
+use nerd_core::spatial::parallel_axis;
+
+use crate::internal::*;
+
+/// The part of a mesh that has mass.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum MassOf {
+    /// The pyramids between its faces and its centre, all counted as positive.
+    Pyramids,
+    /// The enclosed volume.
+    Volume,
+    /// The volume of its convex hull.
+    Hull,
+    /// Its faces.
+    Surface,
+}
+
+/// Properties at a density of 1 kg/m^3, or 1 kg/m^2 for a surface; `None` without mass.
+pub(super) fn properties(vertices: &[Vector3<f64>], faces: &[[u32; 3]], of: MassOf) -> Option<BodyInertia> {
+    let hull;
+    let (vertices, faces) = if of == MassOf::Hull || faces.is_empty() {
+        hull = crate::system::mesh::faces(vertices)?;
+        (&hull.0[..], &hull.1[..])
+    } else {
+        (vertices, faces)
+    };
+    let triangles = || faces.iter().map(|face| face.map(|k| vertices[k as usize]));
+    let (mut area, mut middle) = (0.0, Vector3::zeros());
+    for [a, b, c] in triangles() {
+        let own = 0.5 * (b - a).cross(&(c - a)).norm();
+        (area, middle) = (area + own, middle + (a + b + c) * (own / 3.0));
+    }
+    middle /= area;
+    let found = if of == MassOf::Surface {
+        sum(triangles(), &middle, |[a, b, c]| (0.5 * (b - a).cross(&(c - a)).norm(), false))
+    } else {
+        let signed = |[a, b, c]: [Vector3<f64>; 3]| {
+            let volume = a.dot(&b.cross(&c)) / 6.0;
+            (if of == MassOf::Pyramids { volume.abs() } else { volume }, true)
+        };
+        // About the mean of its face centres, then about the resulting centre of mass.
+        let first = sum(triangles(), &middle, signed)?;
+        // The pyramids' own centre may differ from it, which MuJoCo ignores.
+        let moved = |second: &BodyInertia| parallel_axis(second.mass, &(second.com - first.com));
+        sum(triangles(), &first.com, signed).map(|own| BodyInertia { com: first.com, inertia: own.inertia + moved(&own), ..own })
+    };
+    found.filter(|own| own.mass > 1e-14 && own.mass.is_finite())
+}
+
+/// Sum over triangles seen from `from`: each contributes itself, or the pyramid on it (`true`).
+fn sum(
+    triangles: impl Iterator<Item = [Vector3<f64>; 3]>,
+    from: &Vector3<f64>,
+    mass_of: impl Fn([Vector3<f64>; 3]) -> (f64, bool),
+) -> Option<BodyInertia> {
+    let (mut mass, mut first, mut second) = (0.0, Vector3::zeros(), Matrix3::zeros());
+    for corners in triangles {
+        let corners = corners.map(|v| v - from);
+        let (own, pyramid) = mass_of(corners);
+        let total: Vector3<f64> = corners.iter().sum();
+        let squares: Matrix3<f64> = corners.iter().map(|v| v * v.transpose()).sum();
+        // Moments of a triangle of corners v: sum v / 3 and (sum v v^T + sum v (sum v)^T) / 12; of the pyramid between it and the origin
+        // 3/4 and 3/5 of these.
+        let shares = if pyramid { [0.75, 0.6] } else { [1.0, 1.0] };
+        mass += own;
+        first += total * (own * shares[0] / 3.0);
+        second += (squares + total * total.transpose()) * (own * shares[1] / 12.0);
+    }
+    if mass.is_nan() || mass <= 0.0 {
+        return None;
+    }
+    let com = first / mass;
+    let about = second - com * com.transpose() * mass;
+    Some(BodyInertia { mass, com: com + from, inertia: Matrix3::identity() * about.trace() - about })
+}
