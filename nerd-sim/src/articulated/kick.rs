@@ -3,7 +3,7 @@
 use nalgebra::DVector;
 use nerd_core::dynamics::bias;
 
-use super::spin::{SPINS, Spin};
+use super::spin::{SPIN_PASSES, Spin};
 use super::touch::{Contact, Touch};
 use super::{config::Asked, touches::Touches, workspace::Workspace};
 use crate::prelude::*;
@@ -46,7 +46,7 @@ impl Workspace {
         let (mut turn, mut spin) = (Vector3::zeros(), None);
         // A joint that turns as fast is looked at, too.
         self.touches.eventful |= spins.is_some();
-        let passes = own.passes + if spins.is_some() { SPINS } else { 0 };
+        let passes = own.passes + if spins.is_some() { SPIN_PASSES } else { 0 };
         let (mut all, mut stale, mut correct, mut corrected, mut quiet, mut found) = (true, true, first, false, false, true);
         if let Some(kept) = &mut self.kept {
             kept.stages.clear();

@@ -23,7 +23,7 @@ pub(super) const SPUN: f64 = 0.015;
 pub(super) const ROUND: f64 = 1e-7;
 const ROUNDEST: f64 = 1e-12;
 /// Solves of a substep at most beside those that it takes anyway.
-pub(super) const SPINS: usize = 8;
+pub(super) const SPIN_PASSES: usize = 8;
 
 /// Turn (rad) of a root in a substep of Runge-Kutta at most, which loses energy with its fifth power.
 pub(super) const SPUN_RK4: f64 = 0.08;

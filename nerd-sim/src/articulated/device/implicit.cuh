@@ -141,7 +141,7 @@ BIG int accelerate_ahead(Work& w, real h, bool correct, real settled) {
     Spin whole;
     if (spinning) whole = spin(tr);
     w.eventful = w.eventful || spinning;
-    for (int pass = 0; pass < PASSES + (spinning ? SPINS : 0); pass++) {
+    for (int pass = 0; pass < PASSES + (spinning ? SPIN_PASSES : 0); pass++) {
         if (stale) {
             if (all && pass) {
                 w.twice = true;

@@ -10,7 +10,7 @@ use super::super::energy::{FALL, FINEST, LABOUR, ROUGHEST, SHARE, WHIRL, WHIRL_R
 use super::super::fold::FOLLOWED;
 use super::super::implicit::{CALM, HALVINGS};
 use super::super::kick::{LOST as FAR_OFF, OFF, PASSES, SETTLED};
-use super::super::spin::{ROUND, SPINS, SPUN, SPUN_RK4};
+use super::super::spin::{ROUND, SPIN_PASSES, SPUN, SPUN_RK4};
 use super::super::stiff::{MOST, MOST_RK4, POWERS};
 use super::super::touch::{CREEP, EVEN};
 use super::own::{Own, lifts};
@@ -143,7 +143,7 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
         ("ROUGHEST", ROUGHEST),
         ("FOLDS", system.folds.pairs.len()),
         ("PASSES", PASSES),
-        ("SPINS", SPINS),
+        ("SPIN_PASSES", SPIN_PASSES),
         ("POWERS", POWERS),
     ]);
     let flags = [

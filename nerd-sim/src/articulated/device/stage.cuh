@@ -171,7 +171,7 @@ BIG void spun_back(Work& w, Back& b, const Kept& kept, real h) {
     const real least = (sizeof(real) == 8 ? (real)1e-13 : (real)1e-6) * norm(off);
     real sum[NV];
     for (int k = 0; k < NV; k++) sum[k] = b.rate[k];
-    for (int solve = 0; solve < SPINS; solve++) {
+    for (int solve = 0; solve < SPIN_PASSES; solve++) {
         const V3 more = whole.inertia * settle(whole, middle, h, off, true);
         for (int k = 0; k < NV; k++) b.rate[k] = 0;
         write3(b.rate, more);

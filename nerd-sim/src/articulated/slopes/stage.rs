@@ -4,7 +4,7 @@ use nalgebra::{DVector, Dyn, LU};
 use nerd_core::dynamics::{Adjoint, bias, motions};
 
 use super::super::kept::{Stage, Step};
-use super::super::spin::{SPINS, Spin};
+use super::super::spin::{SPIN_PASSES, Spin};
 use super::super::touch::{Contact, Touch};
 use super::law::{At, ContactLaw, JointLaw};
 use super::numbers::{ARMATURE, FRICTION, GRAVITY, MATERIAL, NORMAL, OFFSET};
@@ -154,7 +154,7 @@ impl Workspace {
                 let mut off = vector(by_middle) * (0.5 * h);
                 // The middle's spin is that of the rate that is gone back over: what is left of its gradient asks for more by that rate.
                 let least = SETTLED * off.norm();
-                for _ in 0..SPINS {
+                for _ in 0..SPIN_PASSES {
                     let more = spins.back(&stage.middle, &off);
                     row.rate.fill(0.0);
                     row.rate[..3].copy_from_slice(more.as_slice());
