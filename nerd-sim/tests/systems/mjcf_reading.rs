@@ -4,6 +4,8 @@ use nerd_core::robot::ShapeKind;
 use nerd_sim::prelude::*;
 use nerd_sim::system::JointSpec;
 
+use crate::common::line;
+
 const ARM: &str = r#"<worldbody><body name="arm" pos="0 0 1"><joint name="a" axis="0 1 0"/>
     <geom type="capsule" fromto="0 0 0 0 0 -.4" size=".03"/></body></worldbody>"#;
 
@@ -327,4 +329,18 @@ fn groups_of_actuators_that_are_off_do_nothing() {
         let found = ["", r#"actuatorgroupdisable="2""#, r#"actuatorgroupdisable="1""#].map(|off| kp(off, own, class));
         assert_eq!(found, [10.0, 0.0, 10.0], "by itself `{own}`, by its class `{class}`");
     }
+}
+
+/// MuJoCo reads no further than an end tag behind its root.
+#[test]
+fn a_file_that_is_closed_twice_is_read() {
+    let text = r#"<mujoco><worldbody><body><freejoint/><geom size=".1" mass="2"/></body></worldbody></mujoco>"#;
+    let mass = |text: &str| System::from_text("r", text, None).map(|system| system.robot.mass());
+    for more in ["\n</mujoco>\n", "</worldbody></mujoco>", "  </x>\nnothing of this is read"] {
+        let found = mass(&format!("{text}{more}")).unwrap_or_else(|e| panic!("{more:?}: {e}"));
+        assert!((found - 2.0).abs() < 1e-12, "{more:?}: {found} kg");
+    }
+    let said = line(mass(&text.replace("</body>", "")));
+    assert!(said.contains("expected"), "{said}");
+    assert!(line(mass(&format!("{text}<mujoco/>"))).contains("1:"), "two roots");
 }

@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 use std::sync::Arc;
 
-use roxmltree::{Document, Node};
+use roxmltree::{Document, Node, TextPos};
 
 use super::element::{Element, Place};
 use crate::files::nested;
@@ -36,6 +36,13 @@ pub fn is_mjcf(text: &str) -> bool {
     false
 }
 
+/// The text before an end tag at a place, if there is one: MuJoCo stops reading at an end tag behind its root, as files closed twice have it.
+fn until_stray_end(text: &str, at: TextPos) -> Option<&str> {
+    let line: usize = text.split_inclusive('\n').take(at.row.saturating_sub(1) as usize).map(str::len).sum();
+    let column = text[line..].char_indices().nth(at.col.saturating_sub(1) as usize)?.0;
+    text[line + column..].starts_with("</").then(|| &text[..line + column])
+}
+
 /// Reads files into elements.
 pub(super) struct Parser<'a> {
     /// Folder of the main file, in which included files are looked for first.
@@ -60,7 +67,9 @@ impl Parser<'_> {
         if nested(text) > DEEPEST {
             return Err(wrong(format!("elements nested more than {DEEPEST} deep")));
         }
-        let document = Document::parse(text.trim_start_matches('\u{feff}')).map_err(|e| wrong(e.to_string()))?;
+        let text = text.trim_start_matches('\u{feff}');
+        let parsed = Document::parse(text).or_else(|e| until_stray_end(text, e.pos()).and_then(|text| Document::parse(text).ok()).ok_or(e));
+        let document = parsed.map_err(|e| wrong(e.to_string()))?;
         let place = Place { file: file.map(Arc::from), folder: folder.into(), line: 0 };
         let ends: Vec<usize> = document.input_text().match_indices('\n').map(|(at, _)| at).collect();
         self.element(&document.root_element(), &place, &ends, depth)
