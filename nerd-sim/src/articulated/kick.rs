@@ -4,7 +4,7 @@ use nalgebra::DVector;
 use nerd_core::dynamics::bias;
 
 use super::spin::{SPIN_PASSES, Spin};
-use super::touch::{Contact, MORE, Touch};
+use super::touch::{Contact, Touch};
 use super::{config::Asked, touches::Touches, workspace::Workspace};
 use crate::prelude::*;
 
@@ -111,14 +111,6 @@ impl Workspace {
             stale = all || spin.is_some();
             if done {
                 return Ok(true);
-            }
-            if all {
-                self.touches.touches.iter_mut().for_each(|touch| {
-                    if let Touch::Contact(contact) = touch {
-                        let force = contact.force * MORE;
-                        contact.hold(&force);
-                    }
-                });
             }
             correct &= wait;
             corrected |= all;

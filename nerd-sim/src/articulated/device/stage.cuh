@@ -19,7 +19,7 @@ template <class F> FN void at_joints(const Work& w, const F& f) {
 }
 
 // Back over a point's force under the virtual motion. Returns the gradient by the root's w x v.
-BIG V3 press_back(Work& w, Back& b, const Touch& touch, const Law& law, real h, bool first, bool again) {
+BIG V3 press_back(Work& w, Back& b, const Touch& touch, const Law& law, real h, bool first) {
     const int i = touch.link;
     const V3 x = touch.x, n = touch.normal, middle = x + n * RADIUS[touch.index / w.surfaces];
     const Motion twist = w.tree.velocity[i], own = b.virtuals[i];
@@ -27,7 +27,7 @@ BIG V3 press_back(Work& w, Back& b, const Touch& touch, const Law& law, real h, 
     // A torque follows the normal force, and so all that this does.
     TurnLaw turn;
     const bool turning = turns(touch);
-    V3 by_force = at(own, x) + b.held[touch.index];
+    V3 by_force = at(own, x);
     real by_press = 0;
     if (turning) {
         turn_law(touch, b.quickened[i].ang * h, h, first, material(w, touch.index / w.surfaces, touch.index % w.surfaces), law, turn);
@@ -35,9 +35,8 @@ BIG V3 press_back(Work& w, Back& b, const Touch& touch, const Law& law, real h, 
         if (!first) by_force = by_force + n * by_press;
     }
 #else
-    const V3 by_force = at(own, x) + b.held[touch.index];
+    const V3 by_force = at(own, x);
 #endif
-    b.holds[touch.index] = b.holds[touch.index] + back(law.by_held, by_force) * (again ? MORE : 1);
     V3 by_velocity = back(law.by_velocity, by_force), by_gap = n * dot(law.by_gap, by_force);
 #if TURNS
     if (turning) {
@@ -65,7 +64,7 @@ BIG V3 press_back(Work& w, Back& b, const Touch& touch, const Law& law, real h, 
 }
 
 // Back over the solves with w.middle, which ended at this rate with these touches idle; `first`: with the drags that the substep began with.
-BIG void stage_back(Work& w, Back& b, const Kept& kept, const real* rate, const unsigned* idle, real h, bool first, bool again) {
+BIG void stage_back(Work& w, Back& b, const Kept& kept, const real* rate, const unsigned* idle, real h, bool first) {
     Tree& t = w.tree;
     velocities(t, w.middle);
     accelerations(t, w.middle, w.gravity, b.acceleration);
@@ -80,7 +79,7 @@ BIG void stage_back(Work& w, Back& b, const Kept& kept, const real* rate, const 
     const auto law = [&](Touch& touch, Law& law) {
         bend(w, touch, turned, h);
         const V3 change = at(b.quickened[touch.link], touch.x) * h;
-        contact_law(touch, change, w.weight[touch.index], h, first, again, w.even, material(w, touch.index / w.surfaces, touch.index % w.surfaces), law);
+        contact_law(touch, change, w.weight[touch.index], h, first, w.even, material(w, touch.index / w.surfaces, touch.index % w.surfaces), law);
     };
     Law found;
     real low[SIZE], up[SIZE], own[NV];
@@ -122,15 +121,6 @@ BIG void stage_back(Work& w, Back& b, const Kept& kept, const real* rate, const 
 #endif
     });
     onward<0, NV>([&](auto k) { own[k] = b.rate[k]; });
-    points(w, [&](Touch& touch, auto link) {
-        // Of a force that is held with later.
-        if (idles(&touch - w.touch)) return;
-        law(touch, found);
-        const V3 later = back(found.by_change, b.held[touch.index]) * h;
-        V3 a[NV];
-        columns(t, link, touch.x, a);
-        upward(last_dof(link), [&](auto i) { own[i] += dot(a[i], later); });
-    });
     eliminate(low, up, own);
     onward<0, NV>([&](auto k) { b.own[k] = own[k]; });
     V3 by_turn = DOFS ? read3(b.rate + 3) : v3(0, 0, 0);
@@ -146,9 +136,8 @@ BIG void stage_back(Work& w, Back& b, const Kept& kept, const real* rate, const 
     for (int n = 0; n < w.points; n++) {
         if (idles(n)) continue;
         law(w.touch[n], found);
-        by_turn = by_turn + press_back(w, b, w.touch[n], found, h, first, again);
+        by_turn = by_turn + press_back(w, b, w.touch[n], found, h, first);
     }
-    for (int k = 0; k < PAIRS; k++) b.held[k] = v3(0, 0, 0);
     at_joints(w, [&](const Touch& touch, int n) {
         if (idles(n)) return;
         const JointLaw joint = joint_law(touch, h * b.qdd[touch.dof], w.weight[touch.index], h, first, w.even);
@@ -174,8 +163,8 @@ BIG void stage_back(Work& w, Back& b, const Kept& kept, const real* rate, const 
 }
 
 // The same where the spin of w.middle is that of the rate itself: what is left of its gradient asks for more by that rate.
-BIG void spun_back(Work& w, Back& b, const Kept& kept, real h, bool again) {
-    stage_back(w, b, kept, kept.rate, kept.idle, h, false, again);
+BIG void spun_back(Work& w, Back& b, const Kept& kept, real h) {
+    stage_back(w, b, kept, kept.rate, kept.idle, h, false);
     const Spin whole = spin(w.tree);
     const V3 middle = read3(w.middle);
     V3 off = read3(b.rate);
@@ -186,7 +175,7 @@ BIG void spun_back(Work& w, Back& b, const Kept& kept, real h, bool again) {
         const V3 more = whole.inertia * settle(whole, middle, h, off, true);
         for (int k = 0; k < NV; k++) b.rate[k] = 0;
         write3(b.rate, more);
-        stage_back(w, b, kept, kept.rate, kept.idle, h, false, again);
+        stage_back(w, b, kept, kept.rate, kept.idle, h, false);
         for (int k = 0; k < NV; k++) sum[k] += b.rate[k];
         off = off + read3(b.rate) - more;
         if (norm(off) <= least) break;

@@ -13,8 +13,6 @@ pub(super) struct At {
     pub(super) friction: Friction,
     /// Whether drags are those of the substep's start, in place of the solved ones.
     pub(super) first: bool,
-    /// Whether contacts hold with what the stage before in the substep did.
-    pub(super) again: bool,
     /// Whether shares are those of `energy.rs`, which nothing changes.
     pub(super) even: bool,
 }
@@ -34,8 +32,6 @@ pub(super) struct ContactLaw {
     pub(super) by_material: [Vector3<f64>; 4],
     /// By a normal that turns.
     pub(super) by_normal: Matrix3<f64>,
-    /// By the force that it holds with.
-    pub(super) by_held: Matrix3<f64>,
 }
 
 /// Slopes of a share that a stiffness (or damping) x has at a weight w where it is not the least one: by x and by w.
@@ -46,17 +42,17 @@ fn share_slopes(share: f64, least: f64, short: f64, x: f64, w: f64) -> [f64; 2] 
 impl ContactLaw {
     /// After a change `h J qdd` of its velocity; `start` and `turn` of the contact are those of the stage, and a part of the whole `material` acts.
     pub(super) fn of(contact: &Contact, at: &At, material: &Material, change: &Vector3<f64>) -> Self {
-        let At { h, weight: w, friction, first, even, again } = *at;
+        let At { h, weight: w, friction, first, even } = *at;
         let (n, m, gap, [spring, damper, slide]) = (&contact.normal, &contact.material, contact.gap, contact.ahead);
         let (k, d) = (m.stiffness, m.damping);
         let change = change + contact.turn;
         let (vn, dn) = (n.dot(&contact.start), n.dot(&change));
         let normal = -(k * (gap + spring * h * dn) + d * (vn + damper * dn));
-        let seen = contact.start + change * slide - contact.held;
+        let seen = contact.start + change * slide;
         let slip = seen - n * n.dot(&seen);
         // As the substep begins, where shares are chosen.
         let vn_then = n.dot(&contact.velocity);
-        let slip_then = contact.velocity - n * vn_then - contact.begun;
+        let slip_then = contact.velocity - n * vn_then;
         let speed_then = slip_then.norm();
         let then = Drag::of(-(k * gap + d * vn_then), speed_then, m, friction);
         let drag = if first { Drag { value: then.value, ..Drag::default() } } else { Drag::of(normal, slip.norm(), m, friction) };
@@ -96,14 +92,9 @@ impl ContactLaw {
         // The part of the substep in which it is inside.
         let pressed = if vn_then < 0.0 { [by_k, by_d] } else { [by_k + by_d * material.release, Vector3::zeros()] };
         let (part, _) = inside(contact.middle, half).unwrap_or_default();
-        // A drag that sticks is that of the touch's inertia.
-        let own_drag = friction != Friction::Coulomb;
         let by_friction = by_drag_then * then.by_friction - slip * drag.by_friction;
-        let by_material = [pressed[0] * part, pressed[1] * part, if own_drag { by_drag * part } else { Vector3::zeros() }, by_friction];
-        let mut by_part = by_k * material.stiffness + by_d * material.damper(vn_then);
-        if own_drag {
-            by_part += by_drag * material.friction_damping;
-        }
+        let by_material = [pressed[0] * part, pressed[1] * part, by_drag * part, by_friction];
+        let by_part = by_k * material.stiffness + by_d * material.damper(vn_then) + by_drag * material.friction_damping;
         if let Some([by_middle, by_half]) = part_slopes(contact.middle, half) {
             by_vn += (by_gap * -0.5 + by_part * by_half) * (0.5 * h * half.signum());
             by_gap = by_gap * 0.5 + by_part * by_middle;
@@ -114,18 +105,13 @@ impl ContactLaw {
         let mut by_turned = Matrix3::from_diagonal_element(normal + drag.value * across) + n * seen.transpose() * drag.value + own * across
             - by_normal * (change * (k * spring * h + d * damper) + contact.start * d).transpose()
             + by_vn * contact.velocity.transpose();
-        let mut by_held = by_slip;
         if speed_then > 0.0 {
             let by_slip_then = by_drag_then * slip_then.transpose() * (then.by_speed / speed_then);
             by_velocity += by_slip_then;
             by_turned -= by_slip_then * vn_then;
-            if !again {
-                by_held += by_slip_then;
-            }
         }
-        by_held *= if own_drag || m.friction_damping == 0.0 { 0.0 } else { -1.0 / m.friction_damping };
         let by_bend = (by_change - by_start * 0.5) * h;
-        Self { force, by_change, by_velocity, by_bend, by_gap, by_weight, by_material, by_normal: by_turned, by_held }
+        Self { force, by_change, by_velocity, by_bend, by_gap, by_weight, by_material, by_normal: by_turned }
     }
 }
 
