@@ -49,29 +49,16 @@ fn iteration(task: &str, arena: &Arena, on_card: bool) -> Outcome<Found> {
     let (noise, orders, mut adam) =
         (StreamKey { seed: 5, number: 0 }, StreamKey { seed: 6, number: 0 }, Adam::new(policy.flat.len(), 1e-3));
     let first = policy.flat.clone();
+    let stage = Stage { episodes: &mut episodes, running: &mut running, policy: &policy, config: &config, noise, stop: Default::default() };
     let (gradient, earned, parts, critic) = if on_card {
         let mut card = CudaShac::new(shac, &policy, &config)?;
-        card.roll(Stage {
-            episodes: &mut episodes,
-            running: &mut running,
-            policy: &policy,
-            config: &config,
-            noise,
-            stop: Default::default(),
-        })?;
+        card.roll(stage)?;
         let found = (card.shac.gradient.clone(), card.shac.earned);
         card.update(&mut policy, &mut adam, &config, orders)?;
         let parts = card.spent().len();
         (found.0, found.1, parts, critics(&mut card)?)
     } else {
-        shac.roll(Stage {
-            episodes: &mut episodes,
-            running: &mut running,
-            policy: &policy,
-            config: &config,
-            noise,
-            stop: Default::default(),
-        })?;
+        shac.roll(stage)?;
         let found = (shac.gradient.clone(), shac.earned);
         shac.update(&mut policy, &mut adam, &config, orders)?;
         (found.0, found.1, 0, critics(&mut shac)?)
