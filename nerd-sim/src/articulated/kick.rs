@@ -4,7 +4,7 @@ use nalgebra::DVector;
 use nerd_core::dynamics::bias;
 
 use super::spin::{SPIN_PASSES, Spin};
-use super::touch::{Contact, Touch};
+use super::touch::{Contact, MORE, Touch};
 use super::{config::Asked, touches::Touches, workspace::Workspace};
 use crate::prelude::*;
 
@@ -68,6 +68,9 @@ impl Workspace {
                 let free = scene.gravity - turn;
                 for touch in touches.iter_mut() {
                     if let Touch::Contact(contact) = touch {
+                        if all && pass > 0 {
+                            contact.hold(&(contact.force * MORE));
+                        }
                         contact.bend(&robot.contact_points[contact.point], &self.data, &free, &turn, h);
                     }
                 }

@@ -9,4 +9,5 @@ mod instruments;
 #[cfg(feature = "rapier")]
 mod rapier;
 mod slopes;
+mod sticking;
 mod suite;

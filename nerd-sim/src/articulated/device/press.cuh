@@ -10,7 +10,7 @@ FN Push push(const Touch& t, real h) {
     const V3 n = t.normal;
     const V3 velocity = t.start;
     const real vn = dot(n, velocity);
-    Push p = {n * -(t.stiffness * t.gap + t.damping * vn) - (velocity - n * vn) * t.across,
+    Push p = {n * -(t.stiffness * t.gap + t.damping * vn) - (velocity - n * vn - t.held) * t.across,
               (t.ahead[0] * h * t.stiffness + t.ahead[1] * t.damping) * h, t.ahead[2] * t.across * h};
     p.force = p.force - resisted(p, n, t.turn);
     return p;
@@ -121,7 +121,7 @@ BIG bool judge(Work& w, real h, real settled) {
         t.parted = normal < 0;
         w.eventful = w.eventful || t.parted;
         const V3 seen = velocity + change * t.ahead[2];
-        const V3 slip = seen - n * dot(n, seen);
+        const V3 slip = seen - n * dot(n, seen) - t.held;
         t.force = t.parted ? v3(0, 0, 0) : n * normal - slip * t.across;
         const real across = drag(most(normal, 0), norm(slip), t.friction_damping, t.friction);
         changed = changed || t.parted || size(across / t.across - 1) > settled;
