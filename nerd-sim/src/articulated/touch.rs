@@ -14,6 +14,11 @@ pub(super) const FIXED: f64 = 1e-12;
 /// Of the force that the first solves of a frame held with: and of what their slip asks for, if the touch's inertia is alike in both directions.
 pub(super) const MORE: f64 = 1.0 + 2.0 / STICK;
 
+/// Share of the slip that a point's own inertia would have at once where it breaks away: points of one body move each other, and with all of it they
+/// take turns. And in how many solves of a substep; then drags settle.
+pub(super) const LEAP: f64 = 0.5;
+pub(super) const LEAPS: usize = 6;
+
 /// The share of a spring that keeps its energy: the mean of the gaps at the substep's ends, `g + h (v' - v) / 4`.
 pub(super) const EVEN: f64 = 0.25;
 
@@ -201,7 +206,7 @@ impl Contact {
 
     /// Its force and drag after a change `h J qdd` of its velocity; whether another solve is asked for.
     #[inline]
-    pub(super) fn settle(&mut self, change: &Vector3<f64>, h: f64, friction: Friction, settled: f64) -> bool {
+    pub(super) fn settle(&mut self, change: &Vector3<f64>, h: f64, friction: Friction, (settled, leap): (f64, bool)) -> bool {
         let (n, m, [spring, damper, slide]) = (self.normal, &self.material, self.ahead);
         let (velocity, change) = (&self.start, change + self.turn);
         let (vn, dn) = (n.dot(velocity), n.dot(&change));
@@ -210,10 +215,24 @@ impl Contact {
         let seen = velocity + change * slide;
         let slip = seen - n * n.dot(&seen) - self.held;
         self.force = if self.parted { Vector3::zeros() } else { n * normal - slip * self.across };
-        let across = drag(normal.max(0.0), slip.norm(), m, friction);
+        let mut across = drag(normal.max(0.0), slip.norm(), m, friction);
+        if friction == Friction::Coulomb && leap {
+            across = across.min(self.leap(normal.max(0.0), slip.norm()));
+        }
         let changed = self.parted || (across / self.across - 1.0).abs() > settled;
         self.across = across;
         changed
+    }
+}
+
+impl Contact {
+    /// The drag at the slip that the touch's own inertia has where friction is the most that a normal force (N) bears, in place of more at a `slip`
+    /// (m/s): what breaks away would else do so by small steps, since the drag that sticks falls by that force's excess alone in a solve.
+    fn leap(&self, normal: f64, slip: f64) -> f64 {
+        let m = &self.material;
+        let (over, inertia) = (slip * self.across - m.friction * normal, 2.0 * m.friction_damping / STICK);
+        // What slides already does so by its inertia.
+        if over > 0.0 && self.across > inertia { drag(normal, slip + LEAP * over / inertia, m, Friction::Coulomb) } else { f64::INFINITY }
     }
 }
 

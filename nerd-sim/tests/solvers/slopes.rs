@@ -321,7 +321,7 @@ fn a_linearised_frame_goes_along_any_direction() {
 #[test]
 fn slopes_by_parameters_are_those_of_central_differences() {
     use nerd_sim::calibrate::{Engine, Parameter, Subject};
-    let contact = ["friction", "stiffness", "damping", "friction-damping", "gravity", "height", "tilt.x", "tilt.y", "size"];
+    let contact = ["friction", "stiffness", "damping", "gravity", "height", "tilt.x", "tilt.y", "size"];
     let cube = ["mass", "com.x", "com.z", "inertia", "spread.y", "rounding"].map(String::from);
     // For two links and a joint.
     let parts = |robot: &str| {

@@ -98,3 +98,24 @@ fn a_standing_anymal_does_not_creep() {
         assert!(way < 1e-4 && turned < 1e-4, "x{substeps}: {way:.1e} m and {turned:.1e} rad in a minute");
     }
 }
+
+/// Just above it, from rest: what stuck lets go.
+#[test]
+fn a_cube_breaks_away_at_its_friction_angle() {
+    let (system, state, mu) = cube();
+    for substeps in [1, 4] {
+        let frames = |time: f64| (time / system.frame_time).round() as usize;
+        let mut solver = implicit(substeps);
+        let mut level = within(&system, &leaning(&system, 0.6 * mu.atan()), &state);
+        run(&mut solver, &mut level, 0.0, frames(1.0));
+        for times in [1.05, 1.1, 2.0] {
+            let angle = (times * mu).atan();
+            let mut batch = within(&system, &leaning(&system, angle), level.state(0));
+            run(&mut solver, &mut batch, 0.0, frames(2.0));
+            let rate = batch.scenes[0].gravity.norm() * (angle.sin() - mu * angle.cos());
+            let way = (vector(batch.state(0)) - vector(level.state(0))).norm();
+            let right = 0.5 * rate * 4.0;
+            assert!((way / right - 1.0).abs() < 0.01, "x{substeps}, {times} times: {way} m for {right} m");
+        }
+    }
+}

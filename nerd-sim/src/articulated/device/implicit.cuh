@@ -186,7 +186,7 @@ BIG int accelerate_ahead(Work& w, real h, bool correct, real settled) {
             onward<0, NJ>([&](auto i) { w.right[DOFS + i] += (real)w.tau[i] + w.pull[i] - w.braked[i] * tr.qd[DOFS + i]; });
         }
         if (!(ALONG ? pressed_along(w, h) : pressed(w, h))) return -1;
-        const bool changed = judge(w, h, settled);
+        const bool changed = judge(w, h, settled, pass < LEAPS);
         if (WHIPS) {
             // A chain may whip: then the rate of the substep before says little of this one's middle.
             real jump = 0;

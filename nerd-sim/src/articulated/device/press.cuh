@@ -106,7 +106,7 @@ BIG bool pressed_along(Work& w, real h) {
 }
 
 // Whether w.qdd changes anything of the touches: each one's drag is then that of its force and slip at the end, and what would pull has parted.
-BIG bool judge(Work& w, real h, real settled) {
+BIG bool judge(Work& w, real h, real settled, bool leaps) {
     Motion twist[NL];
     if (!ALONG) twists(w.tree, w.qdd, twist);
     bool changed = false;
@@ -123,7 +123,8 @@ BIG bool judge(Work& w, real h, real settled) {
         const V3 seen = velocity + change * t.ahead[2];
         const V3 slip = seen - n * dot(n, seen) - t.held;
         t.force = t.parted ? v3(0, 0, 0) : n * normal - slip * t.across;
-        const real across = drag(most(normal, 0), norm(slip), t.friction_damping, t.friction);
+        real across = drag(most(normal, 0), norm(slip), t.friction_damping, t.friction);
+        if (leaps) across = least(across, leap(t, most(normal, 0), norm(slip)));
         changed = changed || t.parted || size(across / t.across - 1) > settled;
         t.across = across;
 #if TURNS

@@ -12,7 +12,7 @@ use super::super::implicit::{CALM, HALVINGS};
 use super::super::kick::{LOST as FAR_OFF, OFF, PASSES, SETTLED};
 use super::super::spin::{ROUND, SPIN_PASSES, SPUN, SPUN_RK4};
 use super::super::stiff::{MOST, MOST_RK4, POWERS};
-use super::super::touch::{CREEP, EVEN, FIXED, MORE, STICK};
+use super::super::touch::{CREEP, EVEN, FIXED, LEAP, LEAPS, MORE, STICK};
 use super::own::{Own, lifts};
 use super::text::{Text, number};
 use crate::prelude::*;
@@ -143,6 +143,7 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
         ("ROUGHEST", ROUGHEST),
         ("FOLDS", system.folds.pairs.len()),
         ("PASSES", PASSES),
+        ("LEAPS", LEAPS),
         ("SPIN_PASSES", SPIN_PASSES),
         ("POWERS", POWERS),
     ]);
@@ -173,6 +174,7 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
         ("STICK", STICK),
         ("MORE", MORE),
         ("FIXED", FIXED),
+        ("LEAP", LEAP),
         ("MOST_DAMPED", MOST),
         ("MOST_RK4", MOST_RK4),
     ];

@@ -366,3 +366,9 @@ FN real drag(real normal, real speed, real friction_damping, real friction) {
     const real limit = friction * normal;
     return friction_damping * speed <= limit ? friction_damping : limit / speed;
 }
+
+// Of a point that breaks away under a normal force: at the slip that its own inertia has where friction is the most that this bears.
+FN real leap(const Touch& t, real normal, real slip) {
+    const real over = slip * t.across - t.friction * normal, inertia = 2 * t.friction_damping / STICK;
+    return over > 0 && t.across > inertia ? drag(normal, slip + LEAP * over / inertia, t.friction_damping, t.friction) : infinite();
+}
