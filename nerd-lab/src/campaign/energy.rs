@@ -141,7 +141,8 @@ pub(super) fn judge(files: &[(String, Vec<u8>)]) -> Result<Option<String>> {
     let (scene, most) = (system.scene(if flight { "free" } else { "ground" })?, if flight { MOST_IN_FLIGHT } else { MOST });
     for substeps in [1, 4, 8] {
         let (gain, frame) = gain(&system, &scene, &start, substeps)?;
-        if !(gain <= most) {
+        // What is no number, too.
+        if gain > most || gain.is_nan() {
             return Ok(Some(format!("gains {gain:.1e} of its energy at x{substeps}, by frame {frame}")));
         }
     }
@@ -185,7 +186,7 @@ fn gain(system: &Arc<System>, scene: &Arc<Scene>, start: &Start, substeps: usize
                 (*work, *effort) = (*work + tau * way, *effort + (tau * way).abs());
             }
             let gain = (energy(batch.state(env)).0 - first - *work) / (size + *effort);
-            if !(gain <= worst.0) {
+            if gain > worst.0 || gain.is_nan() {
                 worst = (gain, frame);
             }
         }
