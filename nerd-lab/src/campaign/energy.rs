@@ -38,7 +38,8 @@ pub(super) fn draw(dice: &mut Dice) -> Result<Vec<(String, Vec<u8>)>> {
     let upto = |dice: &mut Dice, most: f64| most * dice.random_range(0.0..1.0f64).powi(2);
     let start = Start {
         seed: dice.random(),
-        height: 0.8 + upto(dice, 1.2),
+        // A chain hangs below its first link: in the ground it would begin with energy.
+        height: 0.8 + 0.3 * links as f64 + upto(dice, 1.2),
         spin: upto(dice, if flight { 200.0 } else { 60.0 }),
         speed: upto(dice, 4.0),
         rate: upto(dice, 20.0),

@@ -275,7 +275,8 @@ fn press_back(
         let mut by_material = [0.0; 7];
         by_material.iter_mut().zip(&law.by_material).for_each(|(own, by)| *own = by.dot(&by_force));
         by_material[6] = -by_gap;
-        let mut by_turned = law.by_normal.tr_mul(&by_force);
+        // Only what lies across the normal is held.
+        let mut by_turned = law.by_normal.tr_mul(&by_force) - row.held[contact.index] * n.dot(&law.force);
         if let Some(turn) = turn {
             [4, 5].into_iter().zip(&turn.by_arms).for_each(|(k, by)| by_material[k] = by.dot(&own.ang));
             by_turned += turn.by_normal.tr_mul(&own.ang);
