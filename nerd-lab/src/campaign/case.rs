@@ -7,7 +7,6 @@ use nerd_train::run::Recipe;
 use nerd_train::settings::Given;
 use rand::RngExt;
 
-use super::energy;
 use super::text::{Dice, Dictionary, byte};
 use super::tree::Element;
 use crate::prelude::*;
@@ -26,7 +25,6 @@ pub enum Kind {
     Npz,
     Policy,
     Model,
-    Energy,
 }
 
 const MJCF: [&str; 4] =
@@ -96,7 +94,6 @@ impl Kind {
                 Dictionary::csv().change(dice, &mut text);
                 one("states.csv", text)
             }
-            Self::Energy => energy::draw(dice)?,
             Self::Policy | Self::Model => {
                 let (folder, names): (_, &[&str]) = match self {
                     Self::Policy => {
@@ -139,11 +136,6 @@ impl Kind {
             Self::Csv => System::named("pendulum").map_err(Error::from).and_then(|s| Ok(States::read(&path, &s)?)).map(drop),
             Self::Policy => folder::load(folder).map_err(Error::from).map(drop),
             Self::Model => System::named("pendulum").map_err(Error::from).and_then(|s| Ok(Model::load(folder, &s, None)?)).map(drop),
-            Self::Energy => match energy::judge(files) {
-                Ok(None) => Ok(()),
-                Ok(Some(gain)) => return Outcome::Fault(gain),
-                Err(e) => return Outcome::Fault(format!("{e:#}")),
-            },
         };
         match found {
             Ok(()) => Outcome::Accepted,

@@ -1,9 +1,8 @@
 //! Hostile input by the hundred thousand, in this process: files of every kind are changed at random and read, and robots moved a little. Each
-//! must be refused in words or accepted, without a panic and within ten seconds. Robots on drawn grounds must not gain energy. `xtask`'s tests try command lines, and runs that are killed.
+//! must be refused in words or accepted, without a panic and within ten seconds. `xtask`'s tests try command lines, and runs that are killed.
 
 mod case;
 mod compiler;
-mod energy;
 mod found;
 mod text;
 mod tree;
@@ -33,7 +32,7 @@ settings! {
         seed: u64 = 0, Whole(SEEDS);
         /// Number of the first case of each kind, to try one again with --cases 1 and its --kinds
         first: u64 = 0, Whole(SEEDS);
-        /// Kinds, comma-separated [default: all of mjcf, urdf, robot, task, settings, recipe, log, csv, npz, policy, model, energy]
+        /// Kinds, comma-separated [default: all of mjcf, urdf, robot, task, settings, recipe, log, csv, npz, policy, model]
         kinds: Vec<String> = Vec::new(), Texts;
         /// Python with MuJoCo, whose compiler is asked about every changed MJCF that is accepted
         mujoco: Option<PathBuf> = None, Text;

@@ -63,10 +63,10 @@ impl Tree {
         self.factor.ease(robot, joint + usize::from(robot.floating()))
     }
 
-    /// w of a contact along a direction.
-    pub(super) fn eased(&self, contact: &Contact, direction: &Vector3<f64>) -> f64 {
-        let Contact { x, link, .. } = contact;
-        direction.dot(&self.factor.eased(*link, &Wrench::force_at(*direction, x)).at(x))
+    /// w of a contact along its normal.
+    pub(super) fn eased(&self, contact: &Contact) -> f64 {
+        let Contact { normal, x, link, .. } = contact;
+        normal.dot(&self.factor.eased(*link, &Wrench::force_at(*normal, x)).at(x))
     }
 
     /// Begins a pass, in which joints resist with so much by themselves.

@@ -57,8 +57,6 @@ impl Workspace {
                 turn: Vector3::zeros(),
                 ahead: [0.0; 3],
                 across: 0.0,
-                held: Vector3::zeros(),
-                begun: Vector3::zeros(),
                 spin: data.velocity[point.link].ang,
                 turning: [0.0; 2],
                 parted: false,

@@ -105,7 +105,6 @@ impl Workspace {
         self.touches.eventful |= rates.map(|(v, a)| v.abs().max((v + h * a).abs())).any(|fastest| h * fastest > WHIRL);
         qd.iter_mut().zip(&self.touches.rate).for_each(|(v, a)| *v += h * a);
         self.touches.tell(h / system.frame_time, &mut self.forces);
-        self.touches.hold();
         drift(robot, q, qd, half);
         Ok(())
     }
@@ -150,25 +149,20 @@ impl Workspace {
         self.factor.ease(k, right)
     }
 
-    /// w of a contact along a direction.
-    fn eased(&mut self, contact: &Contact, direction: &Vector3<f64>) -> f64 {
+    /// w of a contact along its normal.
+    fn eased(&mut self, contact: &Contact) -> f64 {
         let Touches { columns, right, tree, .. } = &mut self.touches;
         if let Some(tree) = tree {
-            return tree.eased(contact, direction);
+            return tree.eased(contact);
         }
         let (mut last, columns) = (0, &columns[contact.columns.clone()]);
         right.fill(0.0);
         for (k, a) in columns {
             // Joints that follow one share its column.
-            right[*k] += direction.dot(a);
+            right[*k] += contact.normal.dot(a);
             last = last.max(*k);
         }
         self.factor.ease(last, right)
-    }
-
-    /// That across its normal, in both directions together.
-    fn eased_across(&mut self, contact: &Contact) -> f64 {
-        across(&contact.normal).iter().map(|direction| self.eased(contact, direction)).sum()
     }
 
     /// How far ahead each force must look to be stable, from the touch's own inertia `1 / w = 1 / n^T J M^-1 J^T n`.
@@ -184,10 +178,7 @@ impl Workspace {
                 None => {
                     self.plain(robot)?;
                     let w = match touch {
-                        Touch::Contact(contact) => {
-                            self.touches.slides[contact.index].0 = self.eased_across(contact);
-                            self.eased(contact, &contact.normal)
-                        }
+                        Touch::Contact(contact) => self.eased(contact),
                         Touch::Limit(spring) | Touch::Drive { spring, .. } => self.ease(robot, spring.joint),
                         Touch::Friction(_) => 0.0,
                     };
@@ -201,10 +192,7 @@ impl Workspace {
                 Touch::Drive { .. } | Touch::Friction(_) => false,
             };
             match touch {
-                Touch::Contact(contact) => {
-                    let (across, held) = &self.touches.slides[contact.index];
-                    contact.weigh(w, *across, held, h, friction);
-                }
+                Touch::Contact(contact) => contact.weigh(w, h, friction),
                 Touch::Limit(spring) | Touch::Drive { spring, .. } => spring.weigh(w, h),
                 Touch::Friction(_) => {}
             }
@@ -217,12 +205,6 @@ impl Workspace {
         self.touches.touches = touches;
         Ok(())
     }
-}
-
-/// Two directions across a normal and each other.
-fn across(n: &Vector3<f64>) -> [Vector3<f64>; 2] {
-    let one = n.cross(&Vector3::ith(n.iamin(), 1.0)).normalize();
-    [one, n.cross(&one)]
 }
 
 /// A joint's damping, and what its damper and spring resist with.

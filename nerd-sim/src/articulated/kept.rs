@@ -46,10 +46,6 @@ pub(super) struct Stage {
     pub(super) rate: Vec<f64>,
     /// Which touches do nothing, or what does not change: contacts that have parted, drives at a bound.
     pub(super) idle: Vec<bool>,
-    /// What contacts hold with, by touch (m/s, `Contact::held`).
-    pub(super) held: Vec<Vector3<f64>>,
-    /// Whether that is what the stage before it in its substep held with.
-    pub(super) again: bool,
     /// Whether drags are those that the substep began with: it was one solve.
     pub(super) first: bool,
     /// Whether the spin of the middle is that of its own rate (`spin.rs`).
@@ -90,21 +86,10 @@ impl Kept {
             Touch::Friction(_) | Touch::Limit(_) => false,
         };
         let idle = now.touches.iter().map(|touch| !first && idle(touch)).collect();
-        let held =
-            now.touches.iter().map(|touch| if let Touch::Contact(contact) = touch { contact.held } else { Vector3::zeros() }).collect();
-        self.stages.push(Stage {
-            middle: now.middle.clone(),
-            rate: now.rate.clone(),
-            idle,
-            held,
-            again: !self.stages.is_empty(),
-            first,
-            spun,
-        });
+        self.stages.push(Stage { middle: now.middle.clone(), rate: now.rate.clone(), idle, first, spun });
     }
 
     pub(super) fn step(&mut self, h: f64, q: &[f64], qd: &[f64], now: &Touches, lost: bool) {
-        let stages = std::mem::take(&mut self.stages);
         self.steps.push(Step {
             h,
             q: q.to_vec(),
@@ -112,7 +97,7 @@ impl Kept {
             touches: now.touches.clone(),
             braked: now.braked.clone(),
             shares: now.shares.clone(),
-            stages,
+            stages: std::mem::take(&mut self.stages),
             lost,
         });
     }

@@ -4,7 +4,7 @@ use nalgebra::DVector;
 use nerd_core::dynamics::bias;
 
 use super::spin::{SPIN_PASSES, Spin};
-use super::touch::{Contact, LEAPS, MORE, Touch};
+use super::touch::{Contact, Touch};
 use super::{config::Asked, touches::Touches, workspace::Workspace};
 use crate::prelude::*;
 
@@ -68,9 +68,6 @@ impl Workspace {
                 let free = scene.gravity - turn;
                 for touch in touches.iter_mut() {
                     if let Touch::Contact(contact) = touch {
-                        if all && pass > 0 {
-                            contact.hold(&(contact.force * MORE));
-                        }
                         contact.bend(&robot.contact_points[contact.point], &self.data, &free, &turn, h);
                     }
                 }
@@ -79,7 +76,7 @@ impl Workspace {
                     *right += tau[i] + pull[i] - braked[i] * qd[dofs + i];
                 }
             }
-            let changed = self.solve(robot, h, settled, config.friction, pass)?;
+            let changed = self.solve(robot, h, settled, config.friction, pass > 0)?;
             // The rate that an unbounded drive would give says nothing of the middle.
             let wait = changed && !self.drives.is_empty();
             let Touches { middle, rate, tree, .. } = &mut self.touches;
@@ -123,10 +120,9 @@ impl Workspace {
     }
 
     /// Accelerations with the touches that have not parted. Then each one's drag is that of its force and slip at the
-    /// end, and a point that would pull has parted; whether that changes anything. The first pass of a
-    /// substep finds its matrix without touches in `data`; later ones take the factor's.
-    fn solve(&mut self, robot: &Robot, h: f64, settled: f64, friction: Friction, pass: usize) -> Result<bool, String> {
-        let again = pass > 0;
+    /// end, and a point that would pull has parted; whether that changes anything. `again`: not for the first time in the substep, whose
+    /// matrix without touches is then the factor's.
+    fn solve(&mut self, robot: &Robot, h: f64, settled: f64, friction: Friction, again: bool) -> Result<bool, String> {
         let Touches { touches, columns, shares, mass, right, tree, eventful, .. } = &mut self.touches;
         match tree {
             Some(tree) => tree.clear(shares),
@@ -184,7 +180,7 @@ impl Workspace {
                         Some(tree) => tree.at(contact.link, &contact.x) * h,
                         None => columns[contact.columns.clone()].iter().map(|(k, a)| a * (h * self.data.qdd[*k])).sum(),
                     };
-                    let mut changed = contact.settle(&change, h, friction, (settled, pass < LEAPS));
+                    let mut changed = contact.settle(&change, h, friction, settled);
                     if contact.turns() {
                         let spin = match tree {
                             Some(tree) => tree.spin(contact.link) * h,

@@ -6,19 +6,6 @@ use crate::prelude::*;
 /// Velocity (rad/s or m/s) below which dry friction holds, as a drag: what it holds creeps.
 pub(super) const CREEP: f64 = 1e-3;
 
-/// Drag of a contact that sticks, of `1 / (h w)`: what is left of its slip after a solve is such a part of what the force that the drag holds against
-/// leaves, so that sticking is a matter of few solves, and the matrix stays sound.
-pub(super) const STICK: f64 = 2e3;
-/// Least w (1/kg) across a normal: a point that cannot move there asks for no drag.
-pub(super) const FIXED: f64 = 1e-12;
-/// Of the force that the first solves of a frame held with: and of what their slip asks for, if the touch's inertia is alike in both directions.
-pub(super) const MORE: f64 = 1.0 + 2.0 / STICK;
-
-/// Share of the slip that a point's own inertia would have at once where it breaks away: points of one body move each other, and with all of it they
-/// take turns. And in how many solves of a substep; then drags settle.
-pub(super) const LEAP: f64 = 0.5;
-pub(super) const LEAPS: usize = 6;
-
 /// The share of a spring that keeps its energy: the mean of the gaps at the substep's ends, `g + h (v' - v) / 4`.
 pub(super) const EVEN: f64 = 0.25;
 
@@ -64,10 +51,6 @@ pub(super) struct Contact {
     pub(super) ahead: [f64; 3],
     /// Drag c (N s/m).
     pub(super) across: f64,
-    /// Slip (m/s) at which its drag has no force: minus what friction held with before, over the drag that sticks.
-    pub(super) held: Vector3<f64>,
-    /// The same as the substep began.
-    pub(super) begun: Vector3<f64>,
     /// Its link's angular velocity, and drags (N m s/rad) about the normal and across it; zero without torsional and rolling friction.
     pub(super) spin: Vector3<f64>,
     pub(super) turning: [f64; 2],
@@ -118,32 +101,18 @@ impl Touch {
 }
 
 impl Contact {
-    /// How far ahead its forces must look to be stable over h, from its own inertia 1 / w, and 1 / `across` at most across its normal; and its
-    /// drag as the substep begins. `held` (N): friction of the substep before.
+    /// How far ahead its forces must look to be stable over h, from its own inertia 1 / w.
     #[inline]
-    pub(super) fn weigh(&mut self, w: f64, across: f64, held: &Vector3<f64>, h: f64, friction: Friction) {
+    pub(super) fn weigh(&mut self, w: f64, h: f64, friction: Friction) {
         let vn = self.normal.dot(&self.velocity);
         self.material.damping = self.material.damper(vn);
-        if friction == Friction::Coulomb {
-            self.material.friction_damping = STICK / (h * across.max(FIXED));
-            self.hold(held);
-            self.begun = self.held;
-        }
         let m = &self.material;
         let normal = (-(m.stiffness * self.gap + m.damping * vn)).max(0.0);
-        let slip = self.velocity - self.normal * vn - self.held;
-        self.across = drag(normal, slip.norm(), m, friction);
+        self.across = drag(normal, (self.velocity - self.normal * vn).norm(), m, friction);
         self.ahead = [ahead(h * h * m.stiffness * w), damper(h, m.damping, w), damper(h, self.across, w)];
         if self.turns() {
             self.turning = self.turn_drags(normal, &self.spin);
         }
-    }
-
-    /// Takes a force (N), of which friction is what lies across the normal, for what its drag holds with at no slip.
-    #[inline]
-    pub(super) fn hold(&mut self, force: &Vector3<f64>) {
-        let stiff = self.material.friction_damping;
-        self.held = if stiff > 0.0 { (force - self.normal * self.normal.dot(force)) / stiff } else { Vector3::zeros() };
     }
 
     /// Whether it has torsional or rolling friction.
@@ -200,39 +169,25 @@ impl Contact {
         let (along, across) = (spring * h * m.stiffness + damper * m.damping, slide * self.across);
         let (velocity, turn) = (&self.start, &self.turn);
         let vn = n.dot(velocity);
-        let force = n * -(m.stiffness * self.gap + m.damping * vn) - (velocity - n * vn - self.held) * self.across;
+        let force = n * -(m.stiffness * self.gap + m.damping * vn) - (velocity - n * vn) * self.across;
         (force - n * ((along - across) * n.dot(turn)) - turn * across, along, across)
     }
 
     /// Its force and drag after a change `h J qdd` of its velocity; whether another solve is asked for.
     #[inline]
-    pub(super) fn settle(&mut self, change: &Vector3<f64>, h: f64, friction: Friction, (settled, leap): (f64, bool)) -> bool {
-        let (n, m, [spring, damper, slide]) = (self.normal, &self.material, self.ahead);
+    pub(super) fn settle(&mut self, change: &Vector3<f64>, h: f64, friction: Friction, settled: f64) -> bool {
+        let (n, m, [spring, damper, slide]) = (&self.normal, &self.material, self.ahead);
         let (velocity, change) = (&self.start, change + self.turn);
         let (vn, dn) = (n.dot(velocity), n.dot(&change));
         let normal = -(m.stiffness * (self.gap + spring * h * dn) + m.damping * (vn + damper * dn));
         self.parted = normal < 0.0;
         let seen = velocity + change * slide;
-        let slip = seen - n * n.dot(&seen) - self.held;
+        let slip = seen - n * n.dot(&seen);
         self.force = if self.parted { Vector3::zeros() } else { n * normal - slip * self.across };
-        let mut across = drag(normal.max(0.0), slip.norm(), m, friction);
-        if friction == Friction::Coulomb && leap {
-            across = across.min(self.leap(normal.max(0.0), slip.norm()));
-        }
+        let across = drag(normal.max(0.0), slip.norm(), m, friction);
         let changed = self.parted || (across / self.across - 1.0).abs() > settled;
         self.across = across;
         changed
-    }
-}
-
-impl Contact {
-    /// The drag at the slip that the touch's own inertia has where friction is the most that a normal force (N) bears, in place of more at a `slip`
-    /// (m/s): what breaks away would else do so by small steps, since the drag that sticks falls by that force's excess alone in a solve.
-    fn leap(&self, normal: f64, slip: f64) -> f64 {
-        let m = &self.material;
-        let (over, inertia) = (slip * self.across - m.friction * normal, 2.0 * m.friction_damping / STICK);
-        // What slides already does so by its inertia.
-        if over > 0.0 && self.across > inertia { drag(normal, slip + LEAP * over / inertia, m, Friction::Coulomb) } else { f64::INFINITY }
     }
 }
 

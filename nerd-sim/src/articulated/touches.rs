@@ -11,8 +11,6 @@ pub(super) struct Touches {
     pub(super) columns: Vec<(usize, Vector3<f64>)>,
     /// w of every point with every collider, of every joint's limit and of every drive, found once a frame.
     pub(super) weights: Vec<Option<f64>>,
-    /// Of every point with every collider: how w lies across the normal, and the force (N) of the substep before.
-    pub(super) slides: Vec<(f64, Vector3<f64>)>,
     /// Damping of each joint: its own, or what its spring asks for where the substep is too long to follow it.
     pub(super) braked: Vec<f64>,
     /// What the joints' own dampers and springs resist with, their shares of `h d` and `h^2 k`.
@@ -47,7 +45,6 @@ impl Touches {
             touches: Vec::with_capacity(points + 3 * joints),
             columns: Vec::with_capacity(points * nv),
             weights: vec![None; points + 2 * joints],
-            slides: Vec::with_capacity(points),
             braked: vec![0.0; joints],
             shares: vec![0.0; joints],
             pull: vec![0.0; joints],
@@ -70,15 +67,6 @@ impl Touches {
         }
     }
 
-    /// Takes the forces of a substep for those that contacts hold with in the next one.
-    pub(super) fn hold(&mut self) {
-        for touch in &self.touches {
-            if let Touch::Contact(contact) = touch {
-                self.slides[contact.index].1 = contact.force;
-            }
-        }
-    }
-
     /// Adds the drives' work in a substep that begins at velocities `qd`.
     pub(super) fn drive(&mut self, dofs: usize, h: f64, qd: &[f64]) {
         for touch in &self.touches {
@@ -96,8 +84,6 @@ impl Touches {
         self.shared = 0.0;
         self.weights.clear();
         self.weights.resize(pairs + 2 * joints, None);
-        self.slides.clear();
-        self.slides.resize(pairs, (0.0, Vector3::zeros()));
         self.touches.clear();
         self.touches.reserve(pairs + 3 * joints);
         self.columns.clear();

@@ -37,7 +37,7 @@ impl CalibrateError {
 /// | `inertia:LINK` | factor on the inertia about the centre of mass | 1 |
 /// | `spread.x:LINK` (y, z) | factor on the second moment of mass along an axis of that frame | 1 |
 /// | `size` | factor on all lengths of the robot: its own metre against the log's | 1 |
-/// | `friction`, `stiffness`, `damping` | contact, robot and scene alike | 1, N/m, N s/m |
+/// | `friction`, `stiffness`, `damping`, `friction-damping` | contact, robot and scene alike | 1, N/m, N s/m, N s/m |
 /// | `rounding` | radius of corners: contact points move in and become balls that touch the same planes | m |
 /// | `restitution` | of rapier's contacts | 1 |
 /// | `gravity` | its size | m/s^2 |
@@ -77,6 +77,7 @@ pub(super) enum What {
     Friction,
     Stiffness,
     Damping,
+    FrictionDamping,
     Rounding,
     Restitution,
     Gravity,
@@ -92,7 +93,8 @@ pub(super) enum What {
 }
 
 /// Names without a link or joint.
-const PLAIN: &str = "friction, stiffness, damping, rounding, size, restitution, gravity, height, lag, delay, tilt.x, tilt.y";
+const PLAIN: &str =
+    "friction, stiffness, damping, friction-damping, rounding, size, restitution, gravity, height, lag, delay, tilt.x, tilt.y";
 
 impl Parameter {
     /// The parameter of this name, with bounds from the robot's own values and size.
@@ -133,6 +135,7 @@ impl Parameter {
             "friction" => ratio(What::Friction, m.friction.max(1e-3), 4.0, "1"),
             "stiffness" => ratio(What::Stiffness, m.stiffness.max(1.0), 10.0, "N/m"),
             "damping" => ratio(What::Damping, m.damping.max(1e-2), 20.0, "N s/m"),
+            "friction-damping" => ratio(What::FrictionDamping, m.friction_damping.max(1e-2), 100.0, "N s/m"),
             "rounding" => (What::Rounding, 0.0, 0.0, 0.1 * size, false, "m"),
             "restitution" => (What::Restitution, 0.0, 0.0, 0.8, false, "1"),
             "gravity" => (What::Gravity, g, 0.9 * g, 1.1 * g, false, "m/s^2"),
@@ -172,7 +175,8 @@ impl Parameter {
             let own = ["com.x", "com.y", "com.z", "inertia"].into_iter().chain((k > 0).then_some("mass")).filter(|_| heavy);
             names.extend(own.map(|head| if system.robot.links.len() == 1 { head.into() } else { format!("{head}:{}", link.name) }));
         }
-        let contact: &[&str] = if rapier { &["friction", "restitution"] } else { &["friction", "stiffness", "damping", "rounding"] };
+        let contact: &[&str] =
+            if rapier { &["friction", "restitution"] } else { &["friction", "stiffness", "damping", "friction-damping", "rounding"] };
         let falls: &[&str] = if system.gravity().norm() > 0.0 { &["gravity", "lag"] } else { &[] };
         let metre: &[&str] = if system.robot.floating() { &["size"] } else { &[] };
         // A built-in scene has no plane of the robot's own that could be tilted.

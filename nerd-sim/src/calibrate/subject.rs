@@ -66,13 +66,14 @@ impl Subject {
                     What::Friction => material.friction = value,
                     What::Stiffness => material.stiffness = value,
                     What::Damping => material.damping = value,
+                    What::FrictionDamping => material.friction_damping = value,
                     _ => {}
                 }
             }
             match p.what {
                 // Also for each pair whose friction a file sets.
                 What::Friction => system.one_friction = Some(value),
-                What::Size | What::Stiffness | What::Damping => {}
+                What::Size | What::Stiffness | What::Damping | What::FrictionDamping => {}
                 What::Mass(link) => {
                     let Link { inertia, lifted, .. } = &mut system.robot.links[link];
                     inertia.inertia *= value / inertia.mass;
@@ -117,7 +118,7 @@ impl Subject {
                     false
                 }
                 Engine::Rapier(_) => {
-                    matches!(p.what, What::Rounding | What::Stiffness | What::Damping | What::JointFriction(_))
+                    matches!(p.what, What::Rounding | What::Stiffness | What::Damping | What::FrictionDamping | What::JointFriction(_))
                 }
                 Engine::Articulated(_) => p.what == What::Restitution,
             };

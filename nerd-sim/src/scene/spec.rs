@@ -16,7 +16,7 @@ pub struct Material {
     pub stiffness: f64,
     /// Normal damping k_d (N s/m), while approaching.
     pub damping: f64,
-    /// Tangential damping k_f (N s/m), of explicit steps; in implicit ones friction sticks.
+    /// Tangential damping k_f (N s/m).
     pub friction_damping: f64,
     /// Friction coefficient mu.
     pub friction: f64,
@@ -41,8 +41,8 @@ pub(crate) fn is_zero(x: &f64) -> bool {
 }
 
 impl Default for Material {
-    /// The reference simulator's plane, 1e5 N/m, 1e3 N s/m, 0.5, but 1e5 N s/m against slip where that has 1e3: in explicit steps a foot
-    /// that 30 N push aside creeps by 0.3 mm/s in place of 30.
+    /// The reference simulator's plane, 1e5 N/m, 1e3 N s/m, 0.5, but 1e5 N s/m against slip where that has 1e3: a foot that
+    /// 30 N push aside, as a standing quadruped's own legs do, creeps by 0.3 mm/s in place of 30.
     fn default() -> Self {
         Self { stiffness: 1e5, damping: 1e3, friction_damping: 1e5, friction: 0.5, torsion: 0.0, rolling: 0.0, margin: 0.0, release: 0.0 }
     }

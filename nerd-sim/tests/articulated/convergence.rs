@@ -85,34 +85,20 @@ fn rapier_has_order_1() {
 /// slope over 2 to 32 substeps lies between the first order of the kinks and the second of the step.
 #[test]
 fn the_implicit_contact_step_converges_to_the_explicit_ones_motion() {
-    // Huber's friction is the same drag in both. Coulomb's sticks in the implicit step, and creeps in explicit ones under the largest drag that
-    // they bear, which a tumbling robot amplifies.
-    let cases = [
-        ("pendulum", "ground1", 60, Friction::Coulomb, Some(1e5), 8192),
-        ("cube", "ground", 30, Friction::Coulomb, Some(1e5), 8192),
-        ("pendulum", "ground1", 60, Friction::Huber, None, 2048),
-        ("ant", "ground", 60, Friction::Huber, None, 2048),
-    ];
-    for (robot, scene, frames, friction, drag, finest) in cases {
+    for (robot, scene) in [("pendulum", "ground1"), ("ant", "ground"), ("cube", "ground")] {
         let system = built_in(robot);
         let mut begun = batch(&system, scene, STARTS);
         (0..STARTS).for_each(|env| begun.reset(env, &start(&system, Start::Reset, &mut stream(500, env as u64))));
-        let mut stiff = begun.clone();
-        if let Some(drag) = drag {
-            Arc::make_mut(&mut stiff.system).spec.material.friction_damping = drag;
-            let colliders = stiff.scenes.iter_mut().flat_map(|scene| &mut Arc::make_mut(scene).colliders);
-            colliders.for_each(|collider| collider.material.friction_damping = drag);
-        }
-        let landed = |config, batch: &Batch| end(&mut Articulated::new(config), batch.clone(), 0.0, frames);
-        let exact = landed(ArticulatedConfig::explicit(finest, friction), &stiff);
+        let landed = |config| end(&mut Articulated::new(config), begun.clone(), 0.0, 60);
+        let exact = landed(ArticulatedConfig::explicit(2048, Friction::Coulomb));
         let (d, nq) = (system.robot.state_dim(), system.robot.nq());
         let error = |config| {
-            let states = landed(config, &begun);
+            let states = landed(config);
             let gaps = (0..states.len()).filter(|i| i % d < nq).map(|i| (states[i] - exact[i]).abs());
             gaps.sum::<f64>() / (STARTS * nq) as f64
         };
-        let errors = [2, 8, 32, 128].map(|n| error(ArticulatedConfig::implicit(n, friction)));
-        let explicit = error(ArticulatedConfig::explicit(32, friction));
+        let errors = [2, 8, 32, 128].map(|n| error(ArticulatedConfig::implicit(n, Friction::Coulomb)));
+        let explicit = error(ArticulatedConfig::explicit(32, Friction::Coulomb));
         let slope = (errors[0] / errors[2]).log(16.0);
         assert!(errors[3] < 4e-4, "{robot}: {:.1e} at 128 substeps", errors[3]);
         assert!((1.2..2.2).contains(&slope), "{robot}: order {slope:.2}");

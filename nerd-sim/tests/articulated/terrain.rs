@@ -30,13 +30,13 @@ fn heights_and_normals_are_bilinear() {
 #[test]
 fn flat_terrain_is_the_plane() {
     let none = TerrainSpec { kind: TerrainKind::Rubble, height: 0.0, cell: 0.1, length: None, seed: None };
-    for (name, frames) in [("cube", 90), ("ant", 20)] {
+    for name in ["cube", "ant"] {
         let system = Arc::new((*built_in(name)).clone().with_terrain(none).expect("in range"));
         let state = start(&system, Start::Reset, &mut stream(2, 0));
         let mut solver = Articulated::new(ArticulatedConfig::accurate(&system));
         let moved: Vec<f64> = state.iter().enumerate().map(|(k, x)| x + if k == 2 { 1e-15 } else { 0.0 }).collect();
         let [flat, plane, other] = [("terrain", &state), ("plane", &state), ("plane", &moved)]
-            .map(|(scene, state)| end(&mut solver, at(&system, scene, state), 0.0, frames));
+            .map(|(scene, state)| end(&mut solver, at(&system, scene, state), 0.0, 90));
         let off = |other: &[f64]| other.iter().zip(&plane).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         // Rounding, which tumbling amplifies, has the effect of a start about 1e-15 m higher.
         let (off, most) = (off(&flat), 4.0 * off(&other));

@@ -4,7 +4,7 @@ use nerd_core::tangent::{difference, moved};
 use nerd_sim::prelude::*;
 
 /// Most solves of a substep until no drag changes any more: differences do not see the remaining error of the iteration.
-pub const SOLVES: usize = 30_000;
+pub const SOLVES: usize = 1000;
 pub const SETTLED: f64 = 1e-13;
 /// Largest error of a column of derivatives, relative to its size.
 pub const EXACT: f64 = 1e-6;

@@ -9,5 +9,4 @@ mod instruments;
 #[cfg(feature = "rapier")]
 mod rapier;
 mod slopes;
-mod sticking;
 mod suite;

@@ -6,14 +6,14 @@ use nerd_sim::prelude::*;
 /// Rows of heights, the row of the largest y first.
 const DRAWN: [[u8; 4]; 3] = [[0, 50, 100, 0], [50, 100, 150, 0], [100, 150, 200, 0]];
 
-/// Frictionless balls (MuJoCo's friction creeps, so would not hold them where they stop) that slide down along z onto two fields and a plane below them. Not `simple`, which MuJoCo takes for three times as light.
+/// Balls that slide down along z onto two fields and a plane below them. Not `simple`, which MuJoCo takes for three times as light.
 fn file(drawn: &str) -> String {
     let ball = |[x, y]: [f64; 2]| {
         format!(r#"<body simple="false" pos="{x} {y} 2"><joint type="slide" axis="0 0 1" damping="2"/><geom size=".1" mass="1"/></body>"#)
     };
     let balls: String = PLACES.map(ball).concat();
     format!(
-        r#"<mujoco><default><geom condim="1"/></default><asset><hfield name="inline" nrow="3" ncol="4" size="1.5 1 .8 .1" elevation="2 3 4 5 1 2 3 4 0 1 2 3"/>
+        r#"<mujoco><asset><hfield name="inline" nrow="3" ncol="4" size="1.5 1 .8 .1" elevation="2 3 4 5 1 2 3 4 0 1 2 3"/>
         <hfield name="drawn" file="{drawn}" size="1.5 1 .8 .1"/></asset><worldbody><geom type="plane" size="0 0 1" pos="0 0 -.05"/>
         <geom type="hfield" hfield="inline" pos="0 0 .2" euler="0 0 90"/><geom type="hfield" hfield="drawn" pos="5 0 0"/>{balls}</worldbody>
         </mujoco>"#

@@ -10,8 +10,7 @@ FN Wrench force_at(V3 f, V3 x) { return wrench(cross(x, f), f); }
 constexpr int IDLE = (MOST + DRIVES) / 32 + 1;   // words of a bit for every touch and drive
 
 // A substep: its pose in the middle (of Runge-Kutta's at its start), local velocities at its start, the rate that was found; touches that did nothing.
-constexpr int HOLDS = (PAIRS < 2 * NP ? PAIRS : 2 * NP) + 1;    // points that hold in a substep; of more nothing is known
-struct Kept { double q[NQ]; real qd[NV], rate[NV]; unsigned idle[IDLE]; V3 held[HOLDS]; };
+struct Kept { double q[NQ]; real qd[NV], rate[NV]; unsigned idle[IDLE]; };
 
 struct Back {
     bool ahead;                         // whether substeps were implicit ones
@@ -23,11 +22,9 @@ struct Back {
     real guess[NV];
     unsigned early[IDLE];
     // Gradients, as those of slopes/row.rs.
-    real pose[NV], speed[NV], rate[NV], torque[NJ + 1], weight[WEIGHTS], across[PAIRS + 1], braked[NJ + 1], share[NJ + 1], drives[PULLS][2];
+    real pose[NV], speed[NV], rate[NV], torque[NJ + 1], weight[WEIGHTS], braked[NJ + 1], share[NJ + 1], drives[PULLS][2];
     Wrench loads[NL], starts[NL];
     V3 way;
-    // By the force that a point holds with, in the stage that is gone back over by those of the one after, and what it asks of the one before.
-    V3 held[PAIRS + 1], holds[PAIRS + 1];
     // Motions of links, and gradients by them.
     Motion start[NL], acceleration[NL], virtuals[NL], quickened[NL];
     Wrench by_virtual[NL], by_quickened[NL], by_velocity[NL], by_acceleration[NL];

@@ -9,7 +9,6 @@ struct Keeper {
         b.ahead = ahead;
         b.steps = steps;
         for (int k = 0; k < WEIGHTS; k++) b.since[k] = -1;
-        for (int k = 0; k < PAIRS; k++) b.held[k] = v3(0, 0, 0);
     }
     void begins(const Work& w, int number) const {
         Kept& kept = b.kept[number];
@@ -25,7 +24,6 @@ struct Keeper {
             if (b.since[index] < 0) b.since[index] = number;
             kept.idle[n / 32] |= (unsigned)idle(w, n) << n % 32;
         }
-        for (int n = 0; n < w.points && n < HOLDS; n++) kept.held[n] = w.touch[n].held;
         if (number) return;
         b.twice = w.twice;
         b.once = w.once;
@@ -43,14 +41,7 @@ BIG int substep_back(Work& w, Back& b, int number, const double* scene, real h) 
     for (int k = 0; k < NV; k++) t.qd[k] = kept.qd[k];
     kinematics(t);
     see(w, scene);
-    if (!find(w, h)) return LOST;
-    const auto held = [&](int n) { return n < HOLDS ? kept.held[n] : v3(0, 0, 0); };
-    for (int n = 0; n < w.points; n++) {
-        const int index = w.touch[n].index;
-        w.pressed[index] = number ? held(n) * (STICK / (h * w.slide[index])) : v3(0, 0, 0);
-    }
-    if (!weigh(w, h)) return LOST;
-    for (int n = 0; n < w.points; n++) w.touch[n].held = held(n);
+    if (!find(w, h) || !weigh(w, h)) return LOST;
     crba(t);
     share(w, h);
     real end[NV];
@@ -64,24 +55,12 @@ BIG int substep_back(Work& w, Back& b, int number, const double* scene, real h) 
     const real* before = number ? b.kept[number - 1].rate : b.guess;
     const bool spinning = spins(kept.qd, h);
     for (int k = 0; k < NV; k++) w.middle[k] = kept.qd[k] + (real)0.5 * h * (spinning && k < 3 ? kept.rate[k] : before[k]);
-    // What does not touch in this substep holds with what it held with before.
-    const auto begin_holds = [&]() {
-        for (int k = 0; k < PAIRS; k++) b.holds[k] = b.held[k];
-        for (int n = 0; n < w.points; n++) b.holds[w.touch[n].index] = v3(0, 0, 0);
-    };
-    const auto end_holds = [&]() { for (int k = 0; k < PAIRS; k++) b.held[k] = b.holds[k]; };
-    const bool again = number == 0 && b.twice;
-    begin_holds();
-    if (spinning) spun_back(w, b, kept, h, again);
-    else stage_back(w, b, kept, kept.rate, kept.idle, h, false, again);
-    end_holds();
+    if (spinning) spun_back(w, b, kept, h);
+    else stage_back(w, b, kept, kept.rate, kept.idle, h, false);
     if (number == 0 && b.twice) {
         // The first solve of a frame knew no rate, and gave that of the next one's middle.
         for (int k = 0; k < NV; k++) w.middle[k] = kept.qd[k];
-        for (int n = 0; n < w.points; n++) w.touch[n].held = v3(0, 0, 0);
-        begin_holds();
-        stage_back(w, b, kept, b.guess, b.early, h, b.once, false);
-        end_holds();
+        stage_back(w, b, kept, b.guess, b.early, h, b.once);
     }
     weights_back(w, b, number, h);
     twists_back(t, kept.qd, b.starts, b.loads, b.speed);

@@ -49,32 +49,14 @@ BIG bool damp(Work& w, real h) {
     return true;
 }
 
-// w of a point's touch by it, along a direction.
-template <class I> FN real eased(const Tree& t, const V3* a, V3 direction, I last) {
+// w of a point's touch by it.
+template <class I> FN real eased(const Tree& t, const Touch& touch, I link) {
+    V3 a[NV];
     real x[NV];
-    upward(last, [&](auto k) { x[k] = dot(direction, a[k]); });
+    columns(t, link, touch.x, a);
+    const auto last = last_dof(link);
+    upward(last, [&](auto k) { x[k] = dot(touch.normal, a[k]); });
     return eased(t, last, x);
-}
-
-// Along its normal, and across it, in both directions together.
-struct Eased { real along, across; };
-template <class I> FN Eased eased(const Work& w, const Touch& t, I link) {
-    const V3 n = t.normal, s = v3(size(n.x), size(n.y), size(n.z));
-    V3 one = cross(n, s.x <= s.y && s.x <= s.z ? unit(0) : s.y <= s.z ? unit(1) : unit(2));
-    one = one * (1 / norm(one));
-    const V3 other = cross(n, one);
-    Eased e;
-    if constexpr (ALONG) {
-        e.along = (real)eased(w.along, t.link, t.x, n);
-        e.across = (real)(eased(w.along, t.link, t.x, one) + eased(w.along, t.link, t.x, other));
-    } else {
-        V3 a[NV];
-        columns(w.tree, link, t.x, a);
-        const auto last = last_dof(link);
-        e.along = eased(w.tree, a, n, last);
-        e.across = eased(w.tree, a, one, last) + eased(w.tree, a, other, last);
-    }
-    return e;
 }
 
 // How far ahead each force must look to be stable.
@@ -86,10 +68,7 @@ BIG bool weigh(Work& w, real h) {
         if (!plain(w)) return false;
         const auto known = [&](int index, real weight) { w.weight[index] = weight > 0 ? weight : infinite(); };
         points(w, [&](const Touch& t, auto link) {
-            if (!(w.weight[t.index] < 0)) return;
-            const Eased e = eased(w, t, link);
-            known(t.index, e.along);
-            w.slide[t.index] = e.across;
+            if (w.weight[t.index] < 0) known(t.index, ALONG ? (real)eased(w.along, t.link, t.x, t.normal) : eased(w.tree, t, link));
         });
         for (int n = w.points; n < w.touches; n++) {
             const Touch& t = w.touch[n];
@@ -105,12 +84,7 @@ BIG bool weigh(Work& w, real h) {
         if (t.gap + (real)0.5 * h * size(vn) > 0) w.eventful = true;
         if (vn >= 0 && !t.sticky) t.damping = t.stiffness * t.release;
         const real normal = most(-(t.stiffness * t.gap + t.damping * vn), 0);
-        if (n < w.points) {
-            t.friction_damping = STICK / (h * most(w.slide[t.index], FIXED));
-            hold(t, w.pressed[t.index]);
-            t.begun = t.held;
-        }
-        t.across = drag(normal, norm(t.velocity - t.normal * vn - t.held), t.friction_damping, t.friction);
+        t.across = drag(normal, norm(t.velocity - t.normal * vn), t.friction_damping, t.friction);
 #if TURNS
         if (turns(t)) turn_drags(t, normal, t.spin, t.about, t.turning);
 #endif
@@ -173,7 +147,6 @@ BIG int accelerate_ahead(Work& w, real h, bool correct, real settled) {
                 w.twice = true;
                 w.once = pass == 1;
                 for (int k = 0; k < NV; k++) w.guess[k] = w.rate[k];
-                for (int k = 0; k < w.points; k++) hold(w.touch[k], w.touch[k].force * MORE);
                 for (int k = 0; DRIVEN && k < w.touches + DRIVES; k++) w.early[k] = idle(w, k);
             }
             if (all) onward<0, NV>([&](auto k) { w.middle[k] = tr.qd[k] + (real)0.5 * h * w.rate[k]; });
@@ -186,7 +159,7 @@ BIG int accelerate_ahead(Work& w, real h, bool correct, real settled) {
             onward<0, NJ>([&](auto i) { w.right[DOFS + i] += (real)w.tau[i] + w.pull[i] - w.braked[i] * tr.qd[DOFS + i]; });
         }
         if (!(ALONG ? pressed_along(w, h) : pressed(w, h))) return -1;
-        const bool changed = judge(w, h, settled, pass < LEAPS);
+        const bool changed = judge(w, h, settled);
         if (WHIPS) {
             // A chain may whip: then the rate of the substep before says little of this one's middle.
             real jump = 0;
@@ -225,7 +198,6 @@ BIG int implicit(Work& w, const double* scene, double* forces, int substeps, con
     keeper.begin(true, substeps);
     centre(tr, 1);
     for (int k = 0; k < WEIGHTS; k++) w.weight[k] = -1;
-    for (int k = 0; k < PAIRS; k++) w.pressed[k] = v3(0, 0, 0);
     for (int substep = 0; substep < substeps;) {
         const bool first = substep == 0 && done == 0;
         const real h = (real)(FRAME / substeps / (1 << halved));
@@ -258,7 +230,6 @@ BIG int implicit(Work& w, const double* scene, double* forces, int substeps, con
             w.effort += size(work);
         });
         keeper.ends(w, substep, h);
-        for (int k = 0; k < w.points; k++) w.pressed[w.touch[k].index] = w.touch[k].force;
         onward<0, NV>([&](auto k) {
             const real before = tr.qd[k], after = before + h * w.rate[k];
             if (k >= DOFS && h * most(size(before), size(after)) > WHIRL) w.eventful = true;

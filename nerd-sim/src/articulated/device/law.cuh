@@ -42,18 +42,17 @@ template <class T> FN bool parted(real gap, real half, T by_part, T& by_gap, T& 
 }
 
 // Of a point's force: by `h J qdd` and by `h w x v`; by its velocity at the start and what that bends by; by the gap in the middle; by w.
-// And by the force that it holds with, and by how w lies across the normal.
-struct Law { V3 force, by_gap, by_weight, by_across; M3 by_change, by_velocity, by_bend, by_held; };
+struct Law { V3 force, by_gap, by_weight; M3 by_change, by_velocity, by_bend; };
 
-template <class M> BIG void contact_law(const Touch& t, V3 change, real weight, real h, bool first, bool again, bool even, const M* material, Law& law) {
+template <class M> BIG void contact_law(const Touch& t, V3 change, real weight, real h, bool first, bool even, const M* material, Law& law) {
     const V3 n = t.normal;
     const real k = t.stiffness, d = t.damping, spring = t.ahead[0], damper = t.ahead[1], slide = t.ahead[2];
     change = change + t.turn * h;
     const real vn = dot(n, t.start), dn = dot(n, change);
     const real normal = -(k * (t.gap + spring * h * dn) + d * (vn + damper * dn));
-    const V3 seen = t.start + change * slide - t.held, slip = seen - n * dot(n, seen);
+    const V3 seen = t.start + change * slide, slip = seen - n * dot(n, seen);
     const real vn_then = dot(n, t.velocity);
-    const V3 slip_then = t.velocity - n * vn_then - t.begun;
+    const V3 slip_then = t.velocity - n * vn_then;
     const real speed_then = norm(slip_then);
     const Drag then = dragged(-(k * t.gap + d * vn_then), speed_then, t.friction_damping, t.friction);
     Drag now = {then.value, 0, 0, 0};
@@ -68,7 +67,7 @@ template <class M> BIG void contact_law(const Touch& t, V3 change, real weight, 
     const M3 by_start = sum(by_slip, pressed, -d);
     for (int i = 0; i < 9; i++) law.by_change.m[i] = by_slip.m[i] * slide - pressed.m[i] * (k * spring * h + d * damper);
     V3 by_gap = by_normal * -k, by_k = by_normal * -(t.gap + spring * h * dn), by_d = by_normal * -(vn + damper * dn);
-    V3 by_stick = slip * -now.by_damping, by_then = first ? slip * (real)-1 : v3(0, 0, 0);
+    V3 by_drag = slip * -now.by_damping, by_then = first ? slip * (real)-1 : v3(0, 0, 0);
     law.by_weight = v3(0, 0, 0);
     if (!even) {
         shared(spring, EVEN, (real)0.5, k, weight, by_normal * -(k * h * dn), by_k, law.by_weight);
@@ -79,23 +78,13 @@ template <class M> BIG void contact_law(const Touch& t, V3 change, real weight, 
     by_gap = by_gap - normal_then * k;
     by_k = by_k - normal_then * t.gap;
     by_d = by_d - normal_then * vn_then;
+    by_drag = by_drag + by_then * then.by_damping;
     V3 by_vn = normal_then * -d, by_half;
-    const V3 by_part = by_k * (real)material[0] + by_d * (real)(vn_then < 0 ? material[1] : material[0] * material[7]);
+    const V3 by_part = by_k * (real)material[0] + by_d * (real)(vn_then < 0 ? material[1] : material[0] * material[7]) + by_drag * (real)material[2];
     if (parted(t.gap, (real)0.5 * h * vn_then, by_part, by_gap, by_half)) by_vn = by_vn + by_half * ((vn_then < 0 ? -1 : 1) * (real)0.5 * h);
     law.by_gap = by_gap;
     law.by_velocity = sum(by_start, outer(by_vn, n), 1);
-    const real c = t.friction_damping;
-    law.by_held = by_slip;
-    // What it holds with is a force over the drag.
-    by_stick = by_stick + by_then * then.by_damping + by_slip * t.held * (c > 0 ? 1 / c : 0);
-    if (speed_then > 0) {
-        const M3 own = outer(by_then, slip_then);
-        law.by_velocity = sum(law.by_velocity, own, then.by_speed / speed_then);
-        by_stick = by_stick + own * t.begun * (then.by_speed / speed_then * (c > 0 ? 1 / c : 0));
-        if (!again) law.by_held = sum(law.by_held, own, then.by_speed / speed_then);
-    }
-    for (int i = 0; i < 9; i++) law.by_held.m[i] *= c > 0 ? -1 / c : 0;
-    law.by_across = by_stick * (-c * (c * h / STICK));
+    if (speed_then > 0) law.by_velocity = sum(law.by_velocity, outer(by_then, slip_then), then.by_speed / speed_then);
     for (int i = 0; i < 9; i++) law.by_bend.m[i] = (law.by_change.m[i] - (real)0.5 * by_start.m[i]) * h;
 }
 

@@ -10,7 +10,7 @@ FN Push push(const Touch& t, real h) {
     const V3 n = t.normal;
     const V3 velocity = t.start;
     const real vn = dot(n, velocity);
-    Push p = {n * -(t.stiffness * t.gap + t.damping * vn) - (velocity - n * vn - t.held) * t.across,
+    Push p = {n * -(t.stiffness * t.gap + t.damping * vn) - (velocity - n * vn) * t.across,
               (t.ahead[0] * h * t.stiffness + t.ahead[1] * t.damping) * h, t.ahead[2] * t.across * h};
     p.force = p.force - resisted(p, n, t.turn);
     return p;
@@ -106,7 +106,7 @@ BIG bool pressed_along(Work& w, real h) {
 }
 
 // Whether w.qdd changes anything of the touches: each one's drag is then that of its force and slip at the end, and what would pull has parted.
-BIG bool judge(Work& w, real h, real settled, bool leaps) {
+BIG bool judge(Work& w, real h, real settled) {
     Motion twist[NL];
     if (!ALONG) twists(w.tree, w.qdd, twist);
     bool changed = false;
@@ -121,10 +121,9 @@ BIG bool judge(Work& w, real h, real settled, bool leaps) {
         t.parted = normal < 0;
         w.eventful = w.eventful || t.parted;
         const V3 seen = velocity + change * t.ahead[2];
-        const V3 slip = seen - n * dot(n, seen) - t.held;
+        const V3 slip = seen - n * dot(n, seen);
         t.force = t.parted ? v3(0, 0, 0) : n * normal - slip * t.across;
-        real across = drag(most(normal, 0), norm(slip), t.friction_damping, t.friction);
-        if (leaps) across = least(across, leap(t, most(normal, 0), norm(slip)));
+        const real across = drag(most(normal, 0), norm(slip), t.friction_damping, t.friction);
         changed = changed || t.parted || size(across / t.across - 1) > settled;
         t.across = across;
 #if TURNS

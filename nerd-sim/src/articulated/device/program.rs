@@ -12,7 +12,7 @@ use super::super::implicit::{CALM, HALVINGS};
 use super::super::kick::{LOST as FAR_OFF, OFF, PASSES, SETTLED};
 use super::super::spin::{ROUND, SPIN_PASSES, SPUN, SPUN_RK4};
 use super::super::stiff::{MOST, MOST_RK4, POWERS};
-use super::super::touch::{CREEP, EVEN, FIXED, LEAP, LEAPS, MORE, STICK};
+use super::super::touch::{CREEP, EVEN};
 use super::own::{Own, lifts};
 use super::text::{Text, number};
 use crate::prelude::*;
@@ -143,7 +143,6 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
         ("ROUGHEST", ROUGHEST),
         ("FOLDS", system.folds.pairs.len()),
         ("PASSES", PASSES),
-        ("LEAPS", LEAPS),
         ("SPIN_PASSES", SPIN_PASSES),
         ("POWERS", POWERS),
     ]);
@@ -168,16 +167,7 @@ pub fn functions(system: &System, config: &ArticulatedConfig, real: Real, reach:
         ("LOCI", robot.contact_points.iter().any(|p| p.locus != Locus::Fixed)),
     ];
     text.define(flags.map(|(name, on)| (name, i32::from(on))));
-    let constants = [
-        ("SETTLED", SETTLED),
-        ("CREEP", CREEP),
-        ("STICK", STICK),
-        ("MORE", MORE),
-        ("FIXED", FIXED),
-        ("LEAP", LEAP),
-        ("MOST_DAMPED", MOST),
-        ("MOST_RK4", MOST_RK4),
-    ];
+    let constants = [("SETTLED", SETTLED), ("CREEP", CREEP), ("MOST_DAMPED", MOST), ("MOST_RK4", MOST_RK4)];
     let more = [("CALM", CALM), ("OFF", OFF), ("FAR_OFF", FAR_OFF), ("STIFFEST", FOLLOWED[0]), ("FOLLOWED", FOLLOWED[1])];
     let energy = [("EVEN", EVEN), ("SHARE", SHARE), ("LABOUR", LABOUR), ("FALL", FALL), ("WHIRL", WHIRL), ("WHIRL_RK4", WHIRL_RK4)];
     let spin = [("SPUN", SPUN), ("ROUND", ROUND), ("SPUN_RK4", SPUN_RK4)];

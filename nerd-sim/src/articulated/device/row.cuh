@@ -7,7 +7,6 @@ template <class T> FN void write3(T* to, V3 v) { to[0] = v.x; to[1] = v.y; to[2]
 FN void begin(Back& b, const double* state, const double* by) {
     for (int k = 0; k < NV; k++) { b.pose[k] = (real)by[k]; b.speed[k] = (real)by[NV + k]; b.rate[k] = 0; }
     for (int k = 0; k < WEIGHTS; k++) b.weight[k] = 0;
-    for (int k = 0; k < PAIRS; k++) b.across[k] = 0;
     for (int i = 0; i < NJ; i++) b.torque[i] = b.braked[i] = b.share[i] = 0;
     for (int i = 0; i < PULLS; i++) b.drives[i][0] = b.drives[i][1] = 0;
     if (!DOFS) return;

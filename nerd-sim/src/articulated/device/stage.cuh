@@ -19,7 +19,7 @@ template <class F> FN void at_joints(const Work& w, const F& f) {
 }
 
 // Back over a point's force under the virtual motion. Returns the gradient by the root's w x v.
-BIG V3 press_back(Work& w, Back& b, const Touch& touch, const Law& law, real h, bool first, bool again) {
+BIG V3 press_back(Work& w, Back& b, const Touch& touch, const Law& law, real h, bool first) {
     const int i = touch.link;
     const V3 x = touch.x, n = touch.normal, middle = x + n * RADIUS[touch.index / w.surfaces];
     const Motion twist = w.tree.velocity[i], own = b.virtuals[i];
@@ -27,7 +27,7 @@ BIG V3 press_back(Work& w, Back& b, const Touch& touch, const Law& law, real h, 
     // A torque follows the normal force, and so all that this does.
     TurnLaw turn;
     const bool turning = turns(touch);
-    V3 by_force = at(own, x) + b.held[touch.index];
+    V3 by_force = at(own, x);
     real by_press = 0;
     if (turning) {
         turn_law(touch, b.quickened[i].ang * h, h, first, material(w, touch.index / w.surfaces, touch.index % w.surfaces), law, turn);
@@ -35,9 +35,8 @@ BIG V3 press_back(Work& w, Back& b, const Touch& touch, const Law& law, real h, 
         if (!first) by_force = by_force + n * by_press;
     }
 #else
-    const V3 by_force = at(own, x) + b.held[touch.index];
+    const V3 by_force = at(own, x);
 #endif
-    b.holds[touch.index] = b.holds[touch.index] + back(law.by_held, by_force) * (again ? MORE : 1);
     V3 by_velocity = back(law.by_velocity, by_force), by_gap = n * dot(law.by_gap, by_force);
 #if TURNS
     if (turning) {
@@ -50,9 +49,7 @@ BIG V3 press_back(Work& w, Back& b, const Touch& touch, const Law& law, real h, 
 #endif
     const V3 by_change = back(law.by_change, by_force) * h, by_bend = back(law.by_bend, by_force);
     const V3 by_moves = cross(by_bend, twist.ang);
-    const real by_across = dot(law.by_across, by_force);
-    b.weight[touch.index] += dot(law.by_weight, by_force) - by_across;
-    b.across[touch.index] += by_across;
+    b.weight[touch.index] += dot(law.by_weight, by_force);
     b.way = b.way + by_gap;
     b.by_virtual[i] = b.by_virtual[i] + force_at(law.force, x);
     b.by_quickened[i] = b.by_quickened[i] + force_at(by_change, x);
@@ -67,7 +64,7 @@ BIG V3 press_back(Work& w, Back& b, const Touch& touch, const Law& law, real h, 
 }
 
 // Back over the solves with w.middle, which ended at this rate with these touches idle; `first`: with the drags that the substep began with.
-BIG void stage_back(Work& w, Back& b, const Kept& kept, const real* rate, const unsigned* idle, real h, bool first, bool again) {
+BIG void stage_back(Work& w, Back& b, const Kept& kept, const real* rate, const unsigned* idle, real h, bool first) {
     Tree& t = w.tree;
     velocities(t, w.middle);
     accelerations(t, w.middle, w.gravity, b.acceleration);
@@ -82,7 +79,7 @@ BIG void stage_back(Work& w, Back& b, const Kept& kept, const real* rate, const 
     const auto law = [&](Touch& touch, Law& law) {
         bend(w, touch, turned, h);
         const V3 change = at(b.quickened[touch.link], touch.x) * h;
-        contact_law(touch, change, w.weight[touch.index], h, first, again, w.even, material(w, touch.index / w.surfaces, touch.index % w.surfaces), law);
+        contact_law(touch, change, w.weight[touch.index], h, first, w.even, material(w, touch.index / w.surfaces, touch.index % w.surfaces), law);
     };
     Law found;
     real low[SIZE], up[SIZE], own[NV];
@@ -124,15 +121,6 @@ BIG void stage_back(Work& w, Back& b, const Kept& kept, const real* rate, const 
 #endif
     });
     onward<0, NV>([&](auto k) { own[k] = b.rate[k]; });
-    points(w, [&](Touch& touch, auto link) {
-        // Of a force that is held with later.
-        if (idles(&touch - w.touch)) return;
-        law(touch, found);
-        const V3 later = back(found.by_change, b.held[touch.index]) * h;
-        V3 a[NV];
-        columns(t, link, touch.x, a);
-        upward(last_dof(link), [&](auto i) { own[i] += dot(a[i], later); });
-    });
     eliminate(low, up, own);
     onward<0, NV>([&](auto k) { b.own[k] = own[k]; });
     V3 by_turn = DOFS ? read3(b.rate + 3) : v3(0, 0, 0);
@@ -148,9 +136,8 @@ BIG void stage_back(Work& w, Back& b, const Kept& kept, const real* rate, const 
     for (int n = 0; n < w.points; n++) {
         if (idles(n)) continue;
         law(w.touch[n], found);
-        by_turn = by_turn + press_back(w, b, w.touch[n], found, h, first, again);
+        by_turn = by_turn + press_back(w, b, w.touch[n], found, h, first);
     }
-    for (int k = 0; k < PAIRS; k++) b.held[k] = v3(0, 0, 0);
     at_joints(w, [&](const Touch& touch, int n) {
         if (idles(n)) return;
         const JointLaw joint = joint_law(touch, h * b.qdd[touch.dof], w.weight[touch.index], h, first, w.even);
@@ -176,8 +163,8 @@ BIG void stage_back(Work& w, Back& b, const Kept& kept, const real* rate, const 
 }
 
 // The same where the spin of w.middle is that of the rate itself: what is left of its gradient asks for more by that rate.
-BIG void spun_back(Work& w, Back& b, const Kept& kept, real h, bool again) {
-    stage_back(w, b, kept, kept.rate, kept.idle, h, false, again);
+BIG void spun_back(Work& w, Back& b, const Kept& kept, real h) {
+    stage_back(w, b, kept, kept.rate, kept.idle, h, false);
     const Spin whole = spin(w.tree);
     const V3 middle = read3(w.middle);
     V3 off = read3(b.rate);
@@ -188,7 +175,7 @@ BIG void spun_back(Work& w, Back& b, const Kept& kept, real h, bool again) {
         const V3 more = whole.inertia * settle(whole, middle, h, off, true);
         for (int k = 0; k < NV; k++) b.rate[k] = 0;
         write3(b.rate, more);
-        stage_back(w, b, kept, kept.rate, kept.idle, h, false, again);
+        stage_back(w, b, kept, kept.rate, kept.idle, h, false);
         for (int k = 0; k < NV; k++) sum[k] += b.rate[k];
         off = off + read3(b.rate) - more;
         if (norm(off) <= least) break;
@@ -197,7 +184,7 @@ BIG void spun_back(Work& w, Back& b, const Kept& kept, real h, bool again) {
 }
 
 // Back over a weight w = y^T M^-1 y of a touch or a joint, with b.own = M^-1 y: dw = 2 z . dy - z . dM z.
-BIG void push_back(const Tree& t, Back& b, const Touch* touch, V3 along, int point, real by) {
+BIG void push_back(const Tree& t, Back& b, const Touch* touch, int point, real by) {
     twists(t, b.own, b.virtuals);
     onward<0, NL>([&](auto i) {
         b.by_virtual[i] = (body(t, i) * b.virtuals[i]) * (-2 * by);
@@ -205,7 +192,7 @@ BIG void push_back(const Tree& t, Back& b, const Touch* touch, V3 along, int poi
     });
     if (touch) {
         const int i = touch->link;
-        const V3 n = along * (2 * by);
+        const V3 n = touch->normal * (2 * by);
         b.by_virtual[i] = b.by_virtual[i] + force_at(n, touch->x);
         b.loads[i] = b.loads[i] + force_at(cross(n, b.virtuals[i].ang), touch->x + touch->normal * RADIUS[point]);
     }
@@ -223,18 +210,14 @@ BIG void weights_back(Work& w, Back& b, int number, real h) {
     };
     for (int n = 0; n < w.points; n++) {
         const Touch& touch = w.touch[n];
-        const real by_normal = b.weight[touch.index], by_axis = b.across[touch.index];
-        if (by_normal == 0 && by_axis == 0 || b.since[touch.index] != number) continue;
+        const real by = b.weight[touch.index];
+        if (by == 0 || b.since[touch.index] != number) continue;
+        factor();
         V3 a[NV];
         columns(t, touch.link, touch.x, a);
-        // Along its normal, and along three axes, of which what lies across that is a part.
-        for (int axis = -1; axis < 3; axis++) {
-            const V3 along = axis < 0 ? touch.normal : unit(axis);
-            factor();
-            upward(last_dof(touch.link), [&](int k) { b.own[k] = dot(along, a[k]); });
-            solve(t, b.own);
-            push_back(t, b, &touch, along, touch.index / w.surfaces, axis < 0 ? by_normal : by_axis);
-        }
+        upward(last_dof(touch.link), [&](int k) { b.own[k] = dot(touch.normal, a[k]); });
+        solve(t, b.own);
+        push_back(t, b, &touch, touch.index / w.surfaces, by);
     }
     at_joints(w, [&](const Touch& touch, int) {
         const real by = b.weight[touch.index];
@@ -242,7 +225,7 @@ BIG void weights_back(Work& w, Back& b, int number, real h) {
         factor();
         b.own[touch.dof] = 1;
         solve(t, b.own);
-        push_back(t, b, 0, v3(0, 0, 0), 0, by);
+        push_back(t, b, 0, 0, by);
     });
     for (int i = 0; number == 0 && i < NJ; i++) {
         if (h * most(DAMPING(t)[i], h * SPRING[i]) <= LEAST(t)[i]) continue;
@@ -254,6 +237,6 @@ BIG void weights_back(Work& w, Back& b, int number, real h) {
         const real by_braked = k * ease < CALM && braked > DAMPING(t)[i] ? k * k / h : 0;
         const real slope = z > 1 ? 1 / (z * z) - (1 + e) / (e * e) : 0, by_spring = foresight(k * ease) > EVEN ? (real)0.5 / (ease * ease) : 0;
         const real by_share = slope * h * (braked + ease * by_braked) * h * braked + w.damper[i] * h * by_braked + by_spring;
-        push_back(t, b, 0, v3(0, 0, 0), 0, by_braked * b.braked[i] + by_share * b.share[i]);
+        push_back(t, b, 0, 0, by_braked * b.braked[i] + by_share * b.share[i]);
     }
 }

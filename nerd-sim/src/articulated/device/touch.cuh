@@ -9,7 +9,6 @@ constexpr int MOST = PAIRS + PRESSED + 1;            // PRESSED: dry friction, b
 constexpr int WEIGHTS = PAIRS + 2 * NJ + DRIVES + 1;
 constexpr int DRIVEN_AT = PAIRS + 2 * NJ;            // where those of the drives begin
 
-
 struct Touch {
     int index;
     int link;             // of a point; -1: of a joint
@@ -17,7 +16,6 @@ struct Touch {
     V3 x;                 // where, or the joint's column
     V3 start, turn;       // of a point: its velocity at the start, and what that changes by without accelerations (touch.rs)
     V3 normal, velocity, force;
-    V3 held, begun;       // of a point: the slip at which its drag has no force, now and as the substep began (touch.rs)
     real gap, stiffness, damping, friction_damping, friction, release, across;
     real ahead[3];
 #if TURNS
@@ -53,8 +51,6 @@ struct Work {
     double tau[NJ + 1];   // as asked for, but here those of a warp's environments lie side by side
     Drives drives;
     real weight[WEIGHTS]; // w, found once a frame; negative: not yet
-    real slide[PAIRS + 1];         // and of points how it lies across the normal; the force of the substep before
-    V3 pressed[PAIRS + 1];
     bool plain;           // whether the substep's mass matrix is factorised, and
     real alone[NJ + 1];   // accelerations of joints under a unit torque are found
     real braked[NJ + 1], damper[NJ + 1], spring[NJ + 1], pull[NJ + 1];    // as articulated/touches.rs
@@ -164,7 +160,7 @@ FN Touch& next(Work& w) {
     Touch& t = w.touch[w.touches++];
     t.sticky = t.bounded = t.parted = false;
     t.friction_damping = t.friction = t.release = t.across = 0;
-    t.force = t.turn = t.held = t.begun = v3(0, 0, 0);
+    t.force = t.turn = v3(0, 0, 0);
 #if TURNS
     t.torsion = t.rolling = t.about = t.turning = 0;
 #endif
@@ -189,7 +185,7 @@ FN void press(Work& w, int point, int c, V3 n, V3 nearest, real h) {
     Touch& t = next(w);
     const auto* m = material(w, point, c);
     t.index = point * w.surfaces + c; t.link = link; t.x = x; t.normal = n; t.start = t.velocity = velocity; t.gap = gap;
-    t.stiffness = part * (real)m[0]; t.damping = part * (real)m[1]; t.friction = (real)m[3]; t.release = (real)m[7];
+    t.stiffness = part * (real)m[0]; t.damping = part * (real)m[1]; t.friction_damping = part * (real)m[2]; t.friction = (real)m[3]; t.release = (real)m[7];
 #if TURNS
     t.spin = w.tree.velocity[link].ang; t.torsion = (real)m[4]; t.rolling = (real)m[5];
 #endif
@@ -356,19 +352,8 @@ template <class F> FN void points(Work& w, const F& f) {
         for (int k = 0; k < w.points; k++) f(w.touch[k], w.touch[k].link);
 }
 
-// Takes a force, of which friction is what lies across the normal, for what a point's drag holds with at no slip.
-FN void hold(Touch& t, V3 force) {
-    t.held = t.friction_damping > 0 ? (force - t.normal * dot(t.normal, force)) * (1 / t.friction_damping) : v3(0, 0, 0);
-}
-
 // Friction over slip.
 FN real drag(real normal, real speed, real friction_damping, real friction) {
     const real limit = friction * normal;
     return friction_damping * speed <= limit ? friction_damping : limit / speed;
-}
-
-// Of a point that breaks away under a normal force: at the slip that its own inertia has where friction is the most that this bears.
-FN real leap(const Touch& t, real normal, real slip) {
-    const real over = slip * t.across - t.friction * normal, inertia = 2 * t.friction_damping / STICK;
-    return over > 0 && t.across > inertia ? drag(normal, slip + LEAP * over / inertia, t.friction_damping, t.friction) : infinite();
 }

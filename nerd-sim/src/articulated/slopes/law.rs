@@ -1,7 +1,7 @@
 //! Slopes of what touches do in a substep, by what they see: the laws of `touch.rs`, line by line.
 
 use super::super::force::Drag;
-use super::super::touch::{CREEP, Contact, DryFriction, EVEN, STICK, Spring, inside};
+use super::super::touch::{CREEP, Contact, DryFriction, EVEN, Spring, inside};
 use crate::prelude::*;
 
 /// What a touch's law is asked at, beside itself.
@@ -32,10 +32,6 @@ pub(super) struct ContactLaw {
     pub(super) by_material: [Vector3<f64>; 4],
     /// By a normal that turns.
     pub(super) by_normal: Matrix3<f64>,
-    /// By the force that it holds with, by that with which the substep began, and by how w lies across the normal, of which the drag that sticks is made.
-    pub(super) by_held: Matrix3<f64>,
-    pub(super) by_begun: Matrix3<f64>,
-    pub(super) by_across: Vector3<f64>,
 }
 
 /// Slopes of a share that a stiffness (or damping) x has at a weight w where it is not the least one: by x and by w.
@@ -52,11 +48,11 @@ impl ContactLaw {
         let change = change + contact.turn;
         let (vn, dn) = (n.dot(&contact.start), n.dot(&change));
         let normal = -(k * (gap + spring * h * dn) + d * (vn + damper * dn));
-        let seen = contact.start + change * slide - contact.held;
+        let seen = contact.start + change * slide;
         let slip = seen - n * n.dot(&seen);
         // As the substep begins, where shares are chosen.
         let vn_then = n.dot(&contact.velocity);
-        let slip_then = contact.velocity - n * vn_then - contact.begun;
+        let slip_then = contact.velocity - n * vn_then;
         let speed_then = slip_then.norm();
         let then = Drag::of(-(k * gap + d * vn_then), speed_then, m, friction);
         let drag = if first { Drag { value: then.value, ..Drag::default() } } else { Drag::of(normal, slip.norm(), m, friction) };
@@ -96,14 +92,9 @@ impl ContactLaw {
         // The part of the substep in which it is inside.
         let pressed = if vn_then < 0.0 { [by_k, by_d] } else { [by_k + by_d * material.release, Vector3::zeros()] };
         let (part, _) = inside(contact.middle, half).unwrap_or_default();
-        // A drag that sticks is that of the touch's inertia.
-        let own_drag = friction != Friction::Coulomb;
         let by_friction = by_drag_then * then.by_friction - slip * drag.by_friction;
-        let by_material = [pressed[0] * part, pressed[1] * part, if own_drag { by_drag * part } else { Vector3::zeros() }, by_friction];
-        let mut by_part = by_k * material.stiffness + by_d * material.damper(vn_then);
-        if own_drag {
-            by_part += by_drag * material.friction_damping;
-        }
+        let by_material = [pressed[0] * part, pressed[1] * part, by_drag * part, by_friction];
+        let by_part = by_k * material.stiffness + by_d * material.damper(vn_then) + by_drag * material.friction_damping;
         if let Some([by_middle, by_half]) = part_slopes(contact.middle, half) {
             by_vn += (by_gap * -0.5 + by_part * by_half) * (0.5 * h * half.signum());
             by_gap = by_gap * 0.5 + by_part * by_middle;
@@ -114,33 +105,13 @@ impl ContactLaw {
         let mut by_turned = Matrix3::from_diagonal_element(normal + drag.value * across) + n * seen.transpose() * drag.value + own * across
             - by_normal * (change * (k * spring * h + d * damper) + contact.start * d).transpose()
             + by_vn * contact.velocity.transpose();
-        let (c, mut by_begun) = (m.friction_damping, Matrix3::zeros());
-        // What it holds with is a force over the drag.
-        let mut by_stick = by_drag + by_slip * contact.held / c;
         if speed_then > 0.0 {
             let by_slip_then = by_drag_then * slip_then.transpose() * (then.by_speed / speed_then);
             by_velocity += by_slip_then;
             by_turned -= by_slip_then * vn_then;
-            by_stick += by_slip_then * contact.begun / c;
-            by_begun = by_slip_then;
         }
-        let sticks = !own_drag && c > 0.0;
-        let by_force = if sticks { -1.0 / c } else { 0.0 };
-        let by_across = if sticks { by_stick * (-c * c * h / STICK) } else { Vector3::zeros() };
         let by_bend = (by_change - by_start * 0.5) * h;
-        Self {
-            force,
-            by_change,
-            by_velocity,
-            by_bend,
-            by_gap,
-            by_weight,
-            by_material,
-            by_normal: by_turned,
-            by_held: by_slip * by_force,
-            by_begun: by_begun * by_force,
-            by_across,
-        }
+        Self { force, by_change, by_velocity, by_bend, by_gap, by_weight, by_material, by_normal: by_turned }
     }
 }
 

@@ -96,13 +96,10 @@ impl Workspace {
             crba(robot, &mut self.data);
             motions(robot, &step.qd, &self.data, &mut memory.starts);
             let mut after: Vec<Vec<f64>> = Vec::new();
-            let mut held: Vec<Vec<Vector3<f64>>> = Vec::new();
             for row in rows.iter_mut() {
                 if step.lost {
                     // What went on from where it began is no matter of its own pose.
                     after.push(std::mem::replace(&mut row.pose, vec![0.0; robot.nv()]));
-                    held.push(row.held.clone());
-                    row.held.fill(Vector3::zeros());
                 } else {
                     row.drift(robot, &end, 0.5 * h);
                     row.rate.iter_mut().zip(&row.speed).for_each(|(a, v)| *a += h * v);
@@ -114,16 +111,12 @@ impl Workspace {
             for stage in step.stages.iter().rev() {
                 self.back_stage(place, step, stage, rows, memory);
             }
-            for row in rows.iter_mut() {
-                row.held.iter_mut().zip(&mut row.begun).for_each(|(held, begun)| *held += std::mem::take(begun));
-            }
             self.back_weights(place, step, before, rows, memory);
             for row in rows.iter_mut().rev() {
                 motions_back(robot, &self.data, &step.qd, &mut row.starts, &mut row.loads, &mut row.speed);
                 row.unload(robot, &self.data, true);
                 row.drift(robot, &step.qd, 0.5 * h);
-                let (after, held) = (after.pop(), held.pop());
-                row.held.iter_mut().zip(held.iter().flatten()).for_each(|(sum, by)| *sum += by);
+                let after = after.pop();
                 row.pose.iter_mut().zip(after.iter().flatten()).for_each(|(p, a)| *p += a);
                 if before.iter().all(|step| step.lost) {
                     // No rate is known before the first.

@@ -20,15 +20,8 @@ pub(super) struct Row {
     pub(super) drives: Vec<[f64; 2]>,
     /// By w of every touch, and by dampings and shares of the joints: of all the frame's substeps so far.
     pub(super) weights: Vec<f64>,
-    /// By the sum of a contact's w along three axes, of which what lies across its normal is a part.
-    pub(super) across: Vec<f64>,
     pub(super) braked: Vec<f64>,
     pub(super) shares: Vec<f64>,
-    /// By the forces (N) that contacts hold with: in the stage that is gone back over by those of the one after, and what it asks of the one before.
-    pub(super) held: Vec<Vector3<f64>>,
-    pub(super) holds: Vec<Vector3<f64>>,
-    /// By those with which the substep began, of all its stages.
-    pub(super) begun: Vec<Vector3<f64>>,
     /// In a substep: by displacements of links, by twists at its start, by a way of the root.
     pub(super) loads: Vec<Wrench>,
     pub(super) starts: Vec<Wrench>,
@@ -56,10 +49,6 @@ impl Row {
             torque: vec![0.0; joints],
             drives: vec![[0.0; 2]; joints],
             weights: vec![0.0; weights],
-            across: vec![0.0; weights],
-            held: vec![Vector3::zeros(); weights],
-            holds: vec![Vector3::zeros(); weights],
-            begun: vec![Vector3::zeros(); weights],
             braked: vec![0.0; joints],
             shares: vec![0.0; joints],
             loads: vec![Wrench::default(); links],

@@ -5,7 +5,7 @@ use nerd_core::dynamics::{Adjoint, bias, motions};
 
 use super::super::kept::{Stage, Step};
 use super::super::spin::{SPIN_PASSES, Spin};
-use super::super::touch::{Contact, MORE, Touch};
+use super::super::touch::{Contact, Touch};
 use super::law::{At, ContactLaw, JointLaw};
 use super::numbers::{ARMATURE, FRICTION, GRAVITY, MATERIAL, NORMAL, OFFSET};
 use super::row::{Row, set};
@@ -41,20 +41,10 @@ struct Solved<'a> {
 
 impl Solved<'_> {
     /// Back over its solve from a gradient `rate` of the row, to all but the middle, by which `by_middle` is the gradient.
-    fn back(&self, row: &mut Row, adjoint: &mut Adjoint, columns: &mut Vec<(usize, Vector3<f64>)>, by_middle: &mut [f64]) {
+    fn back(&self, row: &mut Row, adjoint: &mut Adjoint, by_middle: &mut [f64]) {
         let Self { place, step, stage, laws, qdd, solver, data, starts } = *self;
         let (robot, h) = (&place.system.robot, step.h);
         let dofs = robot.root_dofs();
-        // The root's w x v is a part of the rate; what is held with follows the spatial acceleration alone.
-        let mut by_turn = if robot.floating() { vector(&row.rate[3..]) } else { Vector3::zeros() };
-        // Of a force that is held with later.
-        for law in laws {
-            let Law::Contact(contact, law, _) = law else { continue };
-            let by = law.by_change.tr_mul(&row.held[contact.index]) * h;
-            columns.clear();
-            above(robot, data, contact.link, &contact.x, columns);
-            columns.drain(..).for_each(|(k, a)| row.rate[k] += a.dot(&by));
-        }
         let mut virtuals = DVector::from_column_slice(&row.rate);
         if !solver.solve_mut(&mut virtuals) {
             // No numbers are found at the end.
@@ -62,6 +52,7 @@ impl Solved<'_> {
         }
         let virtuals = virtuals.as_slice();
         by_middle.fill(0.0);
+        let mut by_turn = if robot.floating() { vector(&row.rate[3..]) } else { Vector3::zeros() };
         adjoint.begin(robot, data, (virtuals, qdd), &place.scene.gravity, &mut row.loads);
         row.inertias(robot, data, adjoint);
         for (i, joint) in robot.joints().enumerate() {
@@ -76,8 +67,7 @@ impl Solved<'_> {
         for law in laws {
             match law {
                 Law::Contact(contact, law, turn) => {
-                    let later = if stage.again { MORE } else { 1.0 };
-                    by_turn += press_back(place, contact, (law, turn.as_ref()), (h, later), data, starts, adjoint, row);
+                    by_turn += press_back(place, contact, (law, turn.as_ref()), h, data, starts, adjoint, row);
                 }
                 Law::Joint(joint, weight, law) => {
                     let own = virtuals[dofs + joint];
@@ -158,12 +148,8 @@ impl Workspace {
         let spins = Spin::of(robot, data, (h, SETTLED), &step.qd).filter(|_| stage.spun);
         let solved = Solved { place, step, stage, laws: &laws, qdd: &qdd, solver: &solver, data, starts };
         for row in rows {
-            // What does not touch in this substep holds with what it held with before.
-            row.holds.copy_from_slice(&row.held);
-            step.touches.iter().filter_map(Touch::index).for_each(|index| row.holds[index] = Vector3::zeros());
-            solved.back(row, adjoint, columns, by_middle);
+            solved.back(row, adjoint, by_middle);
             let mut by_rate = by_middle.clone();
-            row.held.fill(Vector3::zeros());
             if let Some(spins) = &spins {
                 let mut off = vector(by_middle) * (0.5 * h);
                 // The middle's spin is that of the rate that is gone back over: what is left of its gradient asks for more by that rate.
@@ -172,7 +158,7 @@ impl Workspace {
                     let more = spins.back(&stage.middle, &off);
                     row.rate.fill(0.0);
                     row.rate[..3].copy_from_slice(more.as_slice());
-                    solved.back(row, adjoint, columns, by_middle);
+                    solved.back(row, adjoint, by_middle);
                     by_rate.iter_mut().zip(by_middle.iter()).for_each(|(sum, by)| *sum += by);
                     off += vector(by_middle) * (0.5 * h) - more;
                     if off.norm() <= least {
@@ -182,7 +168,6 @@ impl Workspace {
                 by_rate[..3].fill(0.0);
             }
             row.rate.iter_mut().zip(&by_rate).for_each(|(r, m)| *r = 0.5 * h * m);
-            std::mem::swap(&mut row.held, &mut row.holds);
         }
     }
 
@@ -193,12 +178,9 @@ impl Workspace {
         let weight = |index: usize| self.touches.weights[index].unwrap_or(f64::INFINITY);
         let at = At { h, weight: f64::INFINITY, friction, first: stage.first, even: self.touches.even };
         let change = |joint: usize| h * qdd[robot.root_dofs() + joint];
-        let law = |(n, touch): (usize, &Touch)| match touch {
+        let law = |touch: &Touch| match touch {
             Touch::Contact(contact) => {
                 let (at, mut contact) = (At { weight: weight(contact.index), ..at }, contact.clone());
-                if let Some(held) = stage.held.get(n) {
-                    contact.held = *held;
-                }
                 contact.bend(&robot.contact_points[contact.point], &self.data, &(scene.gravity - turn), turn, h);
                 let law = ContactLaw::of(&contact, &at, &contact.whole, &(quickened[contact.link].at(&contact.x) * h));
                 let turn = contact.turns().then(|| TurnLaw::of(&contact, &at, &law, &(quickened[contact.link].ang * h)));
@@ -215,7 +197,7 @@ impl Workspace {
             }
             Touch::Friction(dry) => Law::Joint(dry.joint, None, JointLaw::friction(dry, &at, change(dry.joint))),
         };
-        step.touches.iter().enumerate().zip(&stage.idle).filter(|(_, idle)| !**idle).map(|(touch, _)| law(touch)).collect()
+        step.touches.iter().zip(&stage.idle).filter(|(_, idle)| !**idle).map(|(touch, _)| law(touch)).collect()
     }
 }
 
@@ -225,7 +207,7 @@ fn press_back(
     place: Place,
     contact: &Contact,
     (law, turn): (&ContactLaw, Option<&TurnLaw>),
-    (h, later): (f64, f64),
+    h: f64,
     data: &Data,
     starts: &[Motion],
     adjoint: &mut Adjoint,
@@ -238,9 +220,7 @@ fn press_back(
     // A torque follows the normal force, and so all that this does.
     let by_press = turn.map_or(0.0, |turn| turn.by_press.dot(&own.ang));
     let then = turn.and_then(|turn| turn.then.as_ref());
-    let by_force = row.held[contact.index] + if then.is_some() { own.at(x) } else { own.at(x) + n * by_press };
-    row.holds[contact.index] += law.by_held.tr_mul(&by_force) * later;
-    row.begun[contact.index] += law.by_begun.tr_mul(&by_force);
+    let by_force = if then.is_some() { own.at(x) } else { own.at(x) + n * by_press };
     let [by_change, mut by_velocity, by_bend] = [law.by_change, law.by_velocity, law.by_bend].map(|slope| slope.tr_mul(&by_force));
     let (mut by_gap, along) = (law.by_gap.dot(&by_force), by_change * h);
     if let Some(then) = then {
@@ -253,9 +233,7 @@ fn press_back(
         adjoint.by_quickened[i] += by(&turn.by_change, h);
         row.starts[i] += by(&turn.by_spin, 1.0);
     }
-    let by_across = law.by_across.dot(&by_force);
-    row.weights[contact.index] += law.by_weight.dot(&by_force) - by_across;
-    row.across[contact.index] += by_across;
+    row.weights[contact.index] += law.by_weight.dot(&by_force);
     row.way += n * by_gap;
     // Its place moves with the middle of its ball, and bends with what that does: w x (velocity of the middle).
     let middle = x + n * radius;
@@ -275,8 +253,7 @@ fn press_back(
         let mut by_material = [0.0; 7];
         by_material.iter_mut().zip(&law.by_material).for_each(|(own, by)| *own = by.dot(&by_force));
         by_material[6] = -by_gap;
-        // Only what lies across the normal is held.
-        let mut by_turned = law.by_normal.tr_mul(&by_force) - row.held[contact.index] * n.dot(&law.force);
+        let mut by_turned = law.by_normal.tr_mul(&by_force);
         if let Some(turn) = turn {
             [4, 5].into_iter().zip(&turn.by_arms).for_each(|(k, by)| by_material[k] = by.dot(&own.ang));
             by_turned += turn.by_normal.tr_mul(&own.ang);

@@ -9,7 +9,7 @@ use crate::prelude::*;
 
 /// What is pushed to find a weight.
 enum Pushed<'a> {
-    Contact(&'a Contact, Vector3<f64>),
+    Contact(&'a Contact),
     Joint(usize),
 }
 
@@ -22,13 +22,13 @@ impl Workspace {
         let mut factor = |own: &mut Self| *factored.get_or_insert_with(|| own.factor.refill(&own.data.mass));
         for touch in &step.touches {
             let pushed = match touch {
-                Touch::Contact(contact) => Pushed::Contact(contact, contact.normal),
+                Touch::Contact(contact) => Pushed::Contact(contact),
                 Touch::Limit(spring) | Touch::Drive { spring, .. } => Pushed::Joint(spring.joint),
                 Touch::Friction(_) => continue,
             };
             let Some(index) = touch.index() else { continue };
             let known = || before.iter().flat_map(|step| &step.touches).any(|touch| touch.index() == Some(index));
-            if rows.iter().all(|row| row.weights[index] == 0.0 && row.across[index] == 0.0) || known() || !factor(self) {
+            if rows.iter().all(|row| row.weights[index] == 0.0) || known() || !factor(self) {
                 continue;
             }
             let eased = self.push(robot, &pushed);
@@ -36,13 +36,6 @@ impl Workspace {
                 let by = std::mem::take(&mut row.weights[index]);
                 self.push_back(place, &pushed, &eased, by, row, memory);
             }
-            let Touch::Contact(contact) = touch else { continue };
-            for axis in (0..3).map(|k| Vector3::ith(k, 1.0)) {
-                let pushed = Pushed::Contact(contact, axis);
-                let eased = self.push(robot, &pushed);
-                rows.iter_mut().for_each(|row| self.push_back(place, &pushed, &eased, row.across[index], row, memory));
-            }
-            rows.iter_mut().for_each(|row| row.across[index] = 0.0);
         }
         if before.last().is_some_and(|last| last.h == h) {
             return;
@@ -71,9 +64,9 @@ impl Workspace {
         let mut out = vec![0.0; robot.nv()];
         match pushed {
             Pushed::Joint(joint) => out[robot.root_dofs() + joint] = 1.0,
-            Pushed::Contact(contact, along) => {
+            Pushed::Contact(contact) => {
                 let mut wrenches = vec![Wrench::default(); robot.links.len()];
-                wrenches[contact.link] = Wrench::force_at(*along, &contact.x);
+                wrenches[contact.link] = Wrench::force_at(contact.normal, &contact.x);
                 onto(robot, &self.data, &mut wrenches, &mut out);
             }
         }
@@ -86,16 +79,14 @@ impl Workspace {
         let (robot, colliders) = (&place.system.robot, place.scene.colliders.len());
         let adjoint = &mut memory.adjoint;
         adjoint.begin_energy(robot, &self.data, eased, -by, &mut row.loads);
-        if let Pushed::Contact(contact, along) = pushed {
-            let (i, n, radius) = (contact.link, along * (2.0 * by), robot.contact_points[contact.point].radius);
+        if let Pushed::Contact(contact) = pushed {
+            let (i, n, radius) = (contact.link, contact.normal * (2.0 * by), robot.contact_points[contact.point].radius);
             let by_place = n.cross(&adjoint.virtuals[i].ang);
             adjoint.by_virtual[i] += Wrench::force_at(n, &contact.x);
             row.loads[i] += Wrench::force_at(by_place, &(contact.x + contact.normal * radius));
             if row.numbers.asked() {
                 let collider = contact.index % colliders;
-                // Axes do not turn with the normal.
-                let turned = if *along == contact.normal { adjoint.virtuals[i].at(&contact.x) * (2.0 * by) } else { Vector3::zeros() };
-                let by_normal = turned - by_place * radius;
+                let by_normal = adjoint.virtuals[i].at(&contact.x) * (2.0 * by) - by_place * radius;
                 row.numbers.add(NORMAL, collider, by_normal.into());
                 row.numbers.point(robot, contact.point, self.data.rotation[i].tr_mul(&by_place), -contact.normal.dot(&by_place));
             }

@@ -2,7 +2,6 @@
 
 mod cables;
 mod contact;
-mod energy;
 mod flight;
 mod joints;
 mod robots;
@@ -19,12 +18,5 @@ use crate::internal::*;
 pub(super) fn all() -> impl Iterator<Item = &'static Row> {
     let rolling = rolling::ROWS.iter().chain(&round::ROWS);
     let contact = contact::LANDING.iter().chain(&contact::ROWS).chain(rolling).chain(&contact::PASSIVE).chain(&robots::CONSISTENCY);
-    flight::ROWS
-        .iter()
-        .chain(&joints::ROWS)
-        .chain(contact)
-        .chain(&cables::ROWS)
-        .chain(&robots::ROWS)
-        .chain(&runner::ROWS)
-        .chain(&energy::ROWS)
+    flight::ROWS.iter().chain(&joints::ROWS).chain(contact).chain(&cables::ROWS).chain(&robots::ROWS).chain(&runner::ROWS)
 }
